@@ -4,7 +4,7 @@
 # an instructor at b who watches a station at a. Nothing runs as root: if the demo does, the parts run as the user postgres.
 
 declare -A running=()            # name: process
-as=() place='' sockets='' out='' # how to become the services' user; their folder; that of PostgreSQL's sockets; what is kept
+as=() place='' sockets='' out='' # how to become the services' user; their folder; that of PostgreSQL's sockets; the output that is kept
 at_a='' at_b='' at_nats='' ca='' # where the servers and NATS listen; the lab's authority
 pg=/usr/lib/postgresql/15/bin nats=''
 
@@ -347,7 +347,7 @@ faculty_demo() {
   done
   ends watch || in_vain "the instructor's program ended with a fault; see watch.err.log"
 
-  say "what was recorded, and what is stored"
+  say "the samples recorded, and those stored"
   local at samples chunks seqs state wrong=no recorded acked said first summary all=0
   printf '  %-10s %-6s %-6s %9s %9s %7s  %s\n' station from to recorded stored chunks session
   while read -r station at samples chunks seqs state; do
@@ -394,7 +394,7 @@ faculty_demo() {
   cluster_stops primary || in_vain "PostgreSQL did not stop"
   faculty_end
   trap - EXIT INT TERM HUP
-  say "done: the lesson and the view went on without server a"
+  say "done: the lesson and the view continued without server a"
   cat <<TEXT
   What was shown
     Two servers worked on one database of PostgreSQL, which answers a COMMIT when its standby has it, too. Eight stations recorded a

@@ -71,13 +71,12 @@ Result<std::vector<std::string>> notesOn(Connection& log, const std::optional<St
     if (!has)
       notes.push_back(
           fmt::format("a backup was restored ({}): the log had {} entries until then, and the backup {}; "
-                      "what it lacks is "
-                      "in the database that was replaced",
+                      "the missing ones are in the database that was replaced",
                       time(), kept->replaced->position, kept->made_position));
   } else if (kept->made_position > 0) {
     notes.push_back(
-        fmt::format("{} was made on {}, when the log had {} entries: what was removed from its end before "
-                    "shows with an anchor only",
+        fmt::format("{} was made on {}, when the log had {} entries: a removal from its end before that "
+                    "shows only with an anchor",
                     kAuditHeadFile, time(), kept->made_position));
   }
   return notes;
@@ -230,7 +229,7 @@ void addAuditCommands(CLI::App& app, ChosenCommand& chosen) {
   verify
       ->add_option("--anchor", values->anchors,
                    "a backup, a folder of backups, an export of everything, or a file with a head that was "
-                   "kept: what was removed before it shows; may be repeated. Default: the newest backup, if "
+                   "kept: a removal before it shows; may be repeated. Default: the newest backup, if "
                    "it is where it was made")
       ->type_name("FILE|DIR");
   verify->add_option("--key", values->keys, "an earlier audit.key; may be repeated")->type_name("FILE");

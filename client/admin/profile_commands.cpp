@@ -101,12 +101,16 @@ Status showProfile(CommandContext& context, const std::string& id, std::uint32_t
       !done || context.output.json()) {
     return done;
   }
-  Json layers = row["profile"]["layers"];
+  Json layers = Json::array();
+  if (profile.has_volume())
+    for (const Json& structure : row["profile"]["volume"]["structures"]) layers.push_back(structure["layer"]);
+  else
+    layers = row["profile"]["layers"];
   const std::vector<std::string> names = layerNames(profile);
   for (std::size_t i = 0; i < names.size(); ++i) {
     Json& layer = layers[i];
     layer["name"] = names[i];
-    layer["thickness_mm"] = layer["thickness_m"].get<double>() * 1e3;
+    if (layer.contains("thickness_m")) layer["thickness_mm"] = layer["thickness_m"].get<double>() * 1e3;
     if (layer.contains("puncture")) layer["puncture_n"] = layer["puncture"]["force_n"];
   }
   context.output.text("\n" + tableText({{"name", "NAME"},

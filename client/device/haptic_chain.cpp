@@ -48,16 +48,17 @@ Quat AssumedAxis::at(const SceneModel& model, const SimState& before, Vec3 p_WT_
   return rotationOfAxis(-surfaceNormal(model.limb, at, motion));
 }
 
-HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT)
-    : model_(model), X_HT_(X_HT), gate_(limits, model.rate_hz), plunger_({}, model.rate_hz) {
+HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT,
+                         PathMaker* paths)
+    : engine_(model, paths), X_HT_(X_HT), gate_(limits, model.rate_hz), plunger_({}, model.rate_hz) {
   assert(model.step_function != nullptr && "compile() made the model");
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   report_.p_wall_W_m = {nan, nan, nan};
 }
 
 HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT,
-                         PlungerSettings plunger)
-    : HapticChain(model, device.limits, X_HT) {
+                         PlungerSettings plunger, PathMaker* paths)
+    : HapticChain(model, device.limits, X_HT, paths) {
   plunger.source = device.plunger;
   plunger_ = Plunger(plunger, model.rate_hz);
   has_orientation_ = device.has_orientation;
@@ -68,14 +69,14 @@ HapticChain::HapticChain(const SceneModel& model, const DeviceInfo& device, cons
 Pose HapticChain::tipOf(const Pose& X_WH) const noexcept {
   if (has_orientation_) return tipFromHandle(X_WH, X_HT_);
   const Vec3 p_WT_m = X_WH.p + X_HT_.p;
-  return {p_WT_m, isFinite(p_WT_m) ? assumed_axis_.at(model_, state_, p_WT_m) : Quat{}};
+  return {p_WT_m, isFinite(p_WT_m) ? assumed_axis_.at(engine_.model(), engine_.state(), p_WT_m) : Quat{}};
 }
 
 Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept {
   assert(isFinite(X_WT.p) && isFinite(X_WT.q) && "the gate admitted it");
   handle_ = X_WH;
   tip_ = {X_WT.p, normalized(X_WT.q)};
-  step(model_, {tip_.p, tip_.q}, state_, report_);
+  engine_.step({tip_.p, tip_.q}, report_);
   if (!has_orientation_) assumed_axis_.keep(tip_.q);
   gate_.noteOutside(report_.depth_m <= 0);
   const Wrench wanted{report_.wrench_W.force_N * share, report_.wrench_W.torque_Nm * share};
@@ -101,11 +102,12 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   // a restart after a FAULT begins outside, and the engine forgets the earlier insertion: a needle that is
   // through the limb would pull at once
   const bool in_fault = gate_.fault() != Fault::kNone;
-  if (in_fault && fresh && isFinite(X_WT.p)) gate_.noteOutside(signedDepth(model_.limb, X_WT.p) <= 0);
+  if (in_fault && fresh && isFinite(X_WT.p))
+    gate_.noteOutside(signedDepth(engine_.model().limb, X_WT.p) <= 0);
   const bool admitted =
       gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition);
   assert(admitted || !in_fault || gate_.fault() != Fault::kNone);
-  if (in_fault && gate_.fault() == Fault::kNone) state_.inside = state_.in_limb = false;
+  if (in_fault && gate_.fault() == Fault::kNone) engine_.state().inside = engine_.state().in_limb = false;
   if (admitted)
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
   else

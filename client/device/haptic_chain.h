@@ -8,6 +8,7 @@
 #include "client/device/device.h"
 #include "client/device/plunger.h"
 #include "common/gesture/sample.h"
+#include "common/haptics/body/body_engine.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/gate/passivity_control.h"
@@ -50,17 +51,20 @@ struct ChainTick {
 };
 
 /// Gate and engine behind a device's readings. Same readings, same bits. Allocates only in its constructor.
-/// Thread: the haptic thread only. Real-time safe.
+/// Thread: the haptic thread only. Real-time safe, in a body if its PathMaker is.
 class HapticChain {
  public:
-  /// `model` must outlive the chain. `X_HT` is the tool: the tip in the handle's frame.
-  HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT);
+  /// `model` must outlive the chain. `X_HT` is the tool: the tip in the handle's frame. `paths` makes the
+  /// paths in a body and must outlive the chain, too; null: they are made in place, which is not real-time
+  /// safe.
+  HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT,
+              PathMaker* paths = nullptr);
   /// For a given device. Without an orientation the chain assumes the needle's axis (AssumedAxis), and uses
   /// only the tool's offset, along W. For a device without torque it requests none, not even for the lever of
   /// the tool: the handle gets the tip's force. The plunger's source is the device's; `plunger.source` is
   /// ignored.
   HapticChain(const SceneModel& model, const DeviceInfo& device, const Pose& X_HT,
-              PlungerSettings plunger = {});
+              PlungerSettings plunger = {}, PathMaker* paths = nullptr);
 
   /// One tick; `fresh` and `elapsed_ticks` as in ForceGate::admit; `share` scales the engine's wrench (1,
   /// less while a session fades out). Returns the device's wrench, also in `out.rendered_W`.
@@ -69,7 +73,7 @@ class HapticChain {
 
   /// Inserts a passivity control between engine and gate. Call before the first tick.
   void controlPassivity(const PassivitySettings& settings) noexcept {
-    passivity_.emplace(settings, model_.rate_hz);
+    passivity_.emplace(settings, engine_.model().rate_hz);
   }
   /// Null without passivity control.
   [[nodiscard]] const PassivityControl* passivity() const noexcept {
@@ -87,14 +91,13 @@ class HapticChain {
   [[nodiscard]] Wrench stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept;
   void skipped(const Pose& X_WH, const Pose& X_WT) noexcept;
 
-  const SceneModel& model_;
+  SceneEngine engine_;
   Pose X_HT_;
   bool has_orientation_ = true, renders_torque_ = true;
   AssumedAxis assumed_axis_;
   std::optional<PassivityControl> passivity_;
   ForceGate gate_;
   Plunger plunger_;
-  SimState state_{};
   StepReport report_{};
   Pose handle_, tip_;
   std::uint64_t next_tick_ = 0;

@@ -21,6 +21,8 @@
 #include "common/base/files/files.h"
 #include "common/base/histogram.h"
 #include "common/base/time/clock.h"
+#include "common/haptics/body/path_stack.h"
+#include "common/haptics/surface.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
 
@@ -43,6 +45,10 @@ struct Site {
 Site siteOn(const Limb& limb) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb))
     return {plane->point_m, -outwardNormal(limb, plane->point_m)};
+  if (const auto* body = std::get_if<BodyLimb>(&limb)) {
+    const Vec3 skin = nearestSkin(limb, body->X_WL.p, {0, 0, -1});
+    return {skin, -outwardNormal(limb, skin)};
+  }
   Vec3 middle;
   double radius = 0;
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
@@ -65,6 +71,23 @@ double depthOf(const SceneSpec& scene, double room_m) {
   const LayerSpec& last = scene.layers.back();
   depth_m += std::min(last.thickness_m, kIntoLast_m) - last.thickness_m;
   return std::min({depth_m, 0.9 * scene.needle_length_m, room_m});
+}
+
+// what a tick runs on: in a body, the path that begins where the measuring gesture does
+Result<SceneModel> modelToStep(const SceneSpec& scene, double rate_hz) {
+  ASSIGN_OR_RETURN(SceneModel model, compile(scene, rate_hz));
+  if (!std::holds_alternative<BodyLimb>(scene.limb)) return model;
+  const Site site = siteOn(scene.limb);
+  PathAsk ask;
+  ask.p_tip_W_m = site.p_surface_m - site.inward * 1e-3;
+  ask.axis_W = site.inward;
+  PathLayers path;
+  std::unique_ptr<PathStack> stack = findPath(model, ask, path) ? compilePath(model, path) : nullptr;
+  if (stack == nullptr)
+    return Error{ErrorCode::kInvalidInput,
+                 "volume: no needle goes in where its skin is nearest to the origin of L, where costs are "
+                 "measured"};
+  return std::move(stack->model);
 }
 
 // share of the way at `t` seconds: in, hold, out
@@ -116,7 +139,7 @@ struct Variant {
 
 Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s) {
   const std::int64_t until_ns = steadyNowNs() + static_cast<std::int64_t>(budget_s * 1e9);
-  const auto whole = compile(scene, rate_hz);
+  const auto whole = modelToStep(scene, rate_hz);
   if (!whole.ok()) return whole.error();
   const auto gesture = measuringGesture(scene, rate_hz);
 
@@ -126,7 +149,7 @@ Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, dou
   const auto add = [&](EffectMask effects) -> Status {
     SceneSpec some = scene;
     some.effects = effects;
-    auto model = compile(some, rate_hz);
+    auto model = modelToStep(some, rate_hz);
     if (!model.ok()) return model.error();
     Variant variant{std::make_unique<SceneModel>(*std::move(model)), nullptr};
     variant.run = std::make_unique<TickRun>(*variant.model, gesture);

@@ -17,6 +17,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/gesture/sample.h"
+#include "common/haptics/body/body_engine.h"
 #include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
@@ -61,19 +62,20 @@ struct RunTable {
 
 RunTable runTrajectory(const OfflineScene& scene) {
   RunTable table(scene.track.t_s.size());
-  const auto state = std::make_unique<SimState>();
+  SceneEngine engine(scene.model);
   StepReport report;
   for (std::size_t i = 0; i < scene.track.t_s.size(); ++i) {
-    step(scene.model, scene.tip(i), *state, report);
+    engine.step(scene.tip(i), report);
     table.add(scene.track.t_s[i], report, scene.model);
   }
   return table;
 }
 
 RunTable runRecorded(const SceneModel& model, const std::vector<GestureSample>& samples,
-                     RecordedDifference& difference) {
+                     const std::vector<Bytes>& paths, RecordedDifference& difference) {
   RunTable table(samples.size());
   RecordedRun run(model);
+  run.takePaths(paths);
   const auto first_ns = static_cast<std::uint64_t>(samples.front().time_ns);
   for (const GestureSample& sample : samples) {
     const auto since_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(sample.time_ns) - first_ns);
@@ -102,12 +104,14 @@ int run(const RunOptions& options) {
   if (const Status status = requireNewFile({"--out", options.out}, options.replace); !status.ok())
     return failed("run", status.error());
   std::vector<GestureSample> samples;
+  std::vector<Bytes> paths;
   OfflineOptions input = options.input;
   if (recorded) {
     auto read =
         readRecordedGesture(options.recorded, DamagedRecording::kRefuse, WallColumns::kRead, input.rate_hz);
     if (!read.ok()) return failed("run", read.error());
     samples = std::move(read->samples);
+    paths = std::move(read->paths);
     input.rate_hz = read->rate_hz;
   }
   const auto scene = loadOffline(input);
@@ -119,7 +123,8 @@ int run(const RunOptions& options) {
   warnOfDirection("run", spec->limb, recorded ? samples.size() : scene->track.X_WH.size(), tip);
 
   RecordedDifference difference;
-  const RunTable table = recorded ? runRecorded(scene->model, samples, difference) : runTrajectory(*scene);
+  const RunTable table =
+      recorded ? runRecorded(scene->model, samples, paths, difference) : runTrajectory(*scene);
   const RunTotals& totals = table.totals;
   if (const Status status = writeFileAtomically(options.out, viewOf(table.text)); !status.ok())
     return failed("run", status.error());

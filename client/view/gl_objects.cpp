@@ -74,6 +74,10 @@ void GlProgram::set(const char* name, Vec3 value) const {
   glUniform3f(location(name), static_cast<float>(value.x), static_cast<float>(value.y),
               static_cast<float>(value.z));
 }
+void GlProgram::set(const char* name, Vec3 value, double fourth) const {
+  glUniform4f(location(name), static_cast<float>(value.x), static_cast<float>(value.y),
+              static_cast<float>(value.z), static_cast<float>(fourth));
+}
 void GlProgram::set(const char* name, Rgb colour, float opacity) const {
   glUniform4f(location(name), colour.red, colour.green, colour.blue, opacity);
 }

@@ -30,6 +30,7 @@ class GlProgram {
   void set(const char* name, float value) const;
   void set(const char* name, int value) const;
   void set(const char* name, Vec3 value) const;
+  void set(const char* name, Vec3 value, double fourth) const;
   void set(const char* name, Rgb colour, float opacity) const;
   void set(const char* name, const Matrix4& value) const;
 

@@ -143,6 +143,9 @@ Result<Field> Field::make(const FieldSpec& spec) {
     for (const FieldRange& clip : rule.clips) add(clip);
     field.rules_.push_back(compiled);
   }
+  StructureMask from_here = 0;
+  for (auto rule = field.rules_.rbegin(); rule != field.rules_.rend(); ++rule)
+    rule->from_here = from_here |= maskOf(rule->structure);
 
   // how far from a group its distance still decides something
   std::array<double, kMaxFieldGroups> reach_m{}, blend_m{};
@@ -205,7 +208,7 @@ FieldPoint Field::judge(const Distances& distances) const noexcept {
   if (skin_m >= 0) return {kOutside, skin_m / kSteepest};
   double clearance_m = -skin_m;
   for (const Rule& rule : rules_) {
-    // A rule that fails is as far away as its farthest failing range; one that holds goes on to its nearest
+    // A rule that fails is as far away as its farthest failing range; one that holds lasts to its nearest
     // bound.
     bool holds = true;
     double outside_m = -kInfinity;
@@ -221,11 +224,58 @@ FieldPoint Field::judge(const Distances& distances) const noexcept {
   return {rest_, clearance_m / kSteepest};
 }
 
+void Field::distancesAt(Vec3 p_m, Distances& distances) const noexcept {
+  std::fill_n(distances.begin(), groups_, kFar_m);
+  for (const Part& part : parts_) join(part, p_m, distances);
+}
+
 FieldPoint Field::at(Vec3 p_m) const noexcept {
   Distances distances;
-  distances.fill(kFar_m);
-  for (const Part& part : parts_) join(part, p_m, distances);
+  distancesAt(p_m, distances);
   return judge(distances);
+}
+
+double Field::skinDistance(Vec3 p_m) const noexcept {
+  double distance_m = kFar_m;
+  for (const Part& part : parts_) {
+    if (part.group != skin_) continue;
+    double part_m = 0;
+    if (part.kind == Kind::kEllipsoid) {
+      const Vec3 d = p_m - part.a;
+      part_m = nearestOnEllipsoid({dot(d, part.x), dot(d, part.y), dot(d, part.z)}, part.b);
+    } else {
+      part_m = distanceTo(part, p_m);
+    }
+    distance_m = smoothMinimum(distance_m, part_m, part.blend_m);
+  }
+  return distance_m;
+}
+
+double Field::structuresDistance(StructureMask mask, Vec3 p_m) const noexcept {
+  Distances distances;
+  distancesAt(p_m, distances);
+  return structuresDistance(mask, distances);
+}
+
+double Field::structuresDistance(StructureMask mask, const Distances& distances) const noexcept {
+  // a rule's points are within all of its ranges, and outside of the rules before it
+  if (isWhole(mask)) return distances[skin_];
+  const bool with_rest = (mask >> rest_ & 1u) != 0;
+  double nearest_m = kInfinity, outside_others_m = -kInfinity;
+  for (const Rule& rule : rules_) {
+    if (!with_rest && (rule.from_here & mask) == 0) break;
+    double rule_m = -kInfinity;
+    for (std::size_t i = 0; i < rule.count; ++i) {
+      const Range& range = rule.ranges[i];
+      rule_m = std::max({rule_m, range.from_m - distances[range.group], distances[range.group] - range.to_m});
+    }
+    if ((mask >> rule.structure & 1u) != 0)
+      nearest_m = std::min(nearest_m, std::max(rule_m, outside_others_m));
+    else
+      outside_others_m = std::max(outside_others_m, -rule_m);
+  }
+  if (with_rest) nearest_m = std::min(nearest_m, outside_others_m);
+  return std::max(nearest_m, distances[skin_]);
 }
 
 double Field::distance(std::size_t group, Vec3 p_m) const noexcept {
@@ -259,6 +309,120 @@ FieldPoint Field::OnLine::at(double t_m) const noexcept {
   std::fill_n(distances.begin(), field_->groups_, kFar_m);
   for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
   return field_->judge(distances);
+}
+
+bool Field::isWhole(StructureMask mask) const noexcept {
+  const StructureMask all =
+      structures_.size() >= kMaxFieldStructures ? kWholeBody : (StructureMask{1} << structures_.size()) - 1;
+  return (mask & all) == all;
+}
+
+Field::InBall Field::inBall(Vec3 center_m, double radius_m) const noexcept {
+  InBall ball;
+  ball.field_ = this;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Part& part = parts_[i];
+    if (part.kind == Kind::kHalfSpace ||
+        norm(part.center_m - center_m) <= part.bound_m + part.reach_m + radius_m)
+      ball.parts_[ball.count_++] = static_cast<std::uint16_t>(i);
+  }
+  return ball;
+}
+
+Field::InBall Field::inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept {
+  std::array<bool, kMaxFieldGroups> asked{};
+  asked[skin_] = true;
+  if (!isWhole(mask)) {
+    for (const Rule& rule : rules_) {
+      if ((mask >> rest_ & 1u) == 0 && (rule.from_here & mask) == 0) break;
+      for (std::size_t i = 0; i < rule.count; ++i) asked[rule.ranges[i].group] = true;
+    }
+  }
+  InBall ball = inBall(center_m, radius_m);
+  const auto end = std::remove_if(ball.parts_.begin(), ball.parts_.begin() + ball.count_,
+                                  [&](std::uint16_t i) { return !asked[parts_[i].group]; });
+  ball.count_ = static_cast<std::size_t>(end - ball.parts_.begin());
+  return ball;
+}
+
+FieldPoint Field::InBall::at(Vec3 p_m) const noexcept {
+  Distances distances;
+  std::fill_n(distances.begin(), field_->groups_, kFar_m);
+  for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
+  return field_->judge(distances);
+}
+
+double Field::InBall::structuresDistance(StructureMask mask, Vec3 p_m) const noexcept {
+  Distances distances;
+  std::fill_n(distances.begin(), field_->groups_, kFar_m);
+  for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
+  return field_->structuresDistance(mask, distances);
+}
+
+// ---- boxes ----
+
+FieldBox common(const FieldBox& a, const FieldBox& b) {
+  return {
+      {std::max(a.low_m.x, b.low_m.x), std::max(a.low_m.y, b.low_m.y), std::max(a.low_m.z, b.low_m.z)},
+      {std::min(a.high_m.x, b.high_m.x), std::min(a.high_m.y, b.high_m.y), std::min(a.high_m.z, b.high_m.z)}};
+}
+
+namespace {
+
+constexpr FieldBox kNoPoint{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
+constexpr FieldBox kEverywhere{{-kInfinity, -kInfinity, -kInfinity}, {kInfinity, kInfinity, kInfinity}};
+
+FieldBox around(const FieldBox& a, const FieldBox& b) {
+  return {
+      {std::min(a.low_m.x, b.low_m.x), std::min(a.low_m.y, b.low_m.y), std::min(a.low_m.z, b.low_m.z)},
+      {std::max(a.high_m.x, b.high_m.x), std::max(a.high_m.y, b.high_m.y), std::max(a.high_m.z, b.high_m.z)}};
+}
+
+}  // namespace
+
+FieldBox Field::boxAround(std::size_t group, double beyond_m) const noexcept {
+  // a smooth minimum of two is at most a quarter of the blend below them
+  double grown_m = beyond_m;
+  for (const Part& part : parts_)
+    if (part.group == group) grown_m += 0.25 * part.blend_m;
+  FieldBox box = kNoPoint;
+  for (const Part& part : parts_) {
+    if (part.group != group) continue;
+    if (part.kind == Kind::kHalfSpace) return kEverywhere;
+    const auto ball = [&](Vec3 center_m, Vec3 radii_m) {
+      const Vec3 half{radii_m.x + grown_m, radii_m.y + grown_m, radii_m.z + grown_m};
+      box = around(box, {center_m - half, center_m + half});
+    };
+    if (part.kind == Kind::kCapsule) {
+      const double to_m = part.radius_m + part.growth_m;
+      ball(part.a, {part.radius_m, part.radius_m, part.radius_m});
+      ball(part.a + part.b, {to_m, to_m, to_m});
+    } else {
+      // the half height along a direction d is √Σ(rᵢ dᵢ)²
+      const auto half = [&](double x, double y, double z) {
+        return norm({part.b.x * x, part.b.y * y, part.b.z * z});
+      };
+      ball(part.a, {half(part.x.x, part.y.x, part.z.x), half(part.x.y, part.y.y, part.z.y),
+                    half(part.x.z, part.y.z, part.z.z)});
+    }
+  }
+  return box;
+}
+
+FieldBox Field::boxAround(StructureMask mask) const noexcept {
+  const FieldBox body = boxAround(skin_, 0);
+  if ((mask >> rest_ & 1u) != 0) return body;
+  FieldBox box = kNoPoint;
+  for (const Rule& rule : rules_) {
+    if ((mask >> rule.structure & 1u) == 0) continue;
+    FieldBox ruled = body;
+    for (std::size_t i = 0; i < rule.count; ++i) {
+      const Range& range = rule.ranges[i];
+      if (range.to_m < kInfinity) ruled = common(ruled, boxAround(range.group, std::max(range.to_m, 0.0)));
+    }
+    if (!ruled.empty()) box = around(box, ruled);
+  }
+  return box;
 }
 
 }  // namespace needlelab

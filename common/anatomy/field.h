@@ -11,13 +11,30 @@
 #include <vector>
 
 #include "common/anatomy/field_spec.h"
+#include "common/haptics/body.h"
 
 namespace needlelab {
 
-/// The index of a structure in FieldSpec::structures.
-using StructureIndex = std::uint8_t;
-/// Outside of the skin.
-inline constexpr StructureIndex kOutside = 0xFF;
+/// A set of structures.
+using StructureMask = std::uint32_t;
+static_assert(kMaxFieldStructures <= 32);
+
+/// Each bit stands for a structure.
+constexpr StructureMask maskOf(StructureIndex structure) {
+  return StructureMask{1} << structure;
+}
+/// Everything within the skin.
+inline constexpr StructureMask kWholeBody = ~StructureMask{0};
+
+/// All points from `low_m` to `high_m`; bounds may be infinite.
+struct FieldBox {
+  Vec3 low_m, high_m;
+  [[nodiscard]] bool empty() const {
+    return !(low_m.x < high_m.x && low_m.y < high_m.y && low_m.z < high_m.z);
+  }
+};
+/// The points of both.
+FieldBox common(const FieldBox& a, const FieldBox& b);
 
 /// What a field says of a point.
 struct FieldPoint {
@@ -36,7 +53,7 @@ class Field {
     [[nodiscard]] FieldPoint at(double t_m) const noexcept;
     /// The point at t_m of the line.
     [[nodiscard]] Vec3 point(double t_m) const noexcept { return origin_m_ + axis_ * t_m; }
-    /// The signed distance from the skin.
+
    private:
     friend class Field;
     const Field* field_ = nullptr;
@@ -45,15 +62,42 @@ class Field {
     std::size_t count_ = 0;
   };
 
+  /// The parts of the field that matter in a ball. Asked outside of it, it answers wrong. Valid as long as
+  /// its field.
+  class InBall {
+   public:
+    [[nodiscard]] FieldPoint at(Vec3 p_m) const noexcept;
+    /// As Field's. Its size is at most √1.25 times the distance, within the ball.
+    [[nodiscard]] double structuresDistance(StructureMask mask, Vec3 p_m) const noexcept;
+
+   private:
+    friend class Field;
+    const Field* field_ = nullptr;
+    std::array<std::uint16_t, kMaxFieldParts> parts_;
+    std::size_t count_ = 0;
+  };
+
   /// Errors: those of checkField.
   static Result<Field> make(const FieldSpec& spec);
 
   [[nodiscard]] FieldPoint at(Vec3 p_m) const noexcept;
+  /// The signed distance from the skin: negative inside.
+  [[nodiscard]] double skinDistance(Vec3 p_m) const noexcept;
+  /// A signed distance from the points of some structures, negative in them: exact at their surface, and of
+  /// the right sign elsewhere. Bit i stands for structure i. For normals and surfaces.
+  [[nodiscard]] double structuresDistance(StructureMask mask, Vec3 p_m) const noexcept;
   /// The signed distance from a group, by its index in FieldSpec::groups; beyond what matters to any rule, a
   /// lower bound of it.
   [[nodiscard]] double distance(std::size_t group, Vec3 p_m) const noexcept;
   /// The field along a line; `axis` is a unit vector. The same bits as `at` at the same points.
   [[nodiscard]] OnLine onLine(Vec3 origin_m, Vec3 axis) const noexcept;
+
+  /// The field in a ball. The same bits as `at` and `structuresDistance` at the same points.
+  [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m) const noexcept;
+  /// The same with fewer parts, for structuresDistance of this mask only.
+  [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept;
+  /// A box around the points of some structures; unbounded where a half-space bounds them.
+  [[nodiscard]] FieldBox boxAround(StructureMask mask) const noexcept;
 
   [[nodiscard]] const std::vector<FieldStructure>& structures() const { return structures_; }
   /// The number of numbers that an author wrote for shapes and rules.
@@ -85,6 +129,7 @@ class Field {
     std::array<Range, 1 + kMaxRuleClips> ranges;
     std::uint8_t count;
     StructureIndex structure;
+    StructureMask from_here;  // the structures of this and later rules
   };
   using Distances = std::array<double, kMaxFieldGroups>;
 
@@ -94,6 +139,10 @@ class Field {
   [[nodiscard]] static double distanceTo(const Part& part, Vec3 p_m) noexcept;
   [[nodiscard]] static double distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept;
   static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
+  void distancesAt(Vec3 p_m, Distances& distances) const noexcept;
+  [[nodiscard]] double structuresDistance(StructureMask mask, const Distances& distances) const noexcept;
+  [[nodiscard]] FieldBox boxAround(std::size_t group, double beyond_m) const noexcept;
+  [[nodiscard]] bool isWhole(StructureMask mask) const noexcept;
   [[nodiscard]] FieldPoint judge(const Distances& distances) const noexcept;
 
   std::vector<FieldStructure> structures_;

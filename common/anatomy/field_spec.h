@@ -19,7 +19,7 @@ namespace needlelab {
 inline constexpr std::size_t kMaxFieldGroups = 32;
 inline constexpr std::size_t kMaxFieldParts = 256;  ///< a tube of n points counts as n − 1
 inline constexpr std::size_t kMaxFieldRules = 64;
-inline constexpr std::size_t kMaxFieldStructures = 64;
+inline constexpr std::size_t kMaxFieldStructures = 32;  ///< the layers of a scene
 inline constexpr std::size_t kMaxRuleClips = 3;
 
 /// The greatest change of a capsule's or a tube's radius per length.
@@ -79,7 +79,7 @@ struct FieldRule {
   std::string structure;
 };
 
-/// A thing with a name. What it feels like is `layer`, whose thickness has no meaning here.
+/// A thing with a name. `layer` is how it feels; its thickness has no meaning here.
 struct FieldStructure {
   std::string id;
   std::string name;

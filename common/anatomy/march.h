@@ -1,37 +1,11 @@
 /// From a field to the layers that a straight needle meets.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <optional>
 
 #include "common/anatomy/field.h"
 
 namespace needlelab {
-
-/// The greatest number of layers of a stack: those of the engine.
-inline constexpr std::size_t kMaxStackLayers = kMaxLayers;
-
-/// Why a stack ends.
-enum class StackEnd : std::uint8_t {
-  kReach,  ///< the needle is no longer
-  kBone,   ///< the last layer is bone
-  kExit,   ///< the line leaves the patient
-  kFull,   ///< there are more layers than a stack holds
-};
-
-/// The layers along a line, from the skin inwards.
-struct LayerStack {
-  struct Layer {
-    StructureIndex structure = kOutside;
-    double top_m = 0;  ///< along the line, from the entry
-    friend bool operator==(const Layer&, const Layer&) = default;
-  };
-  std::array<Layer, kMaxStackLayers> layers{};
-  std::size_t count = 0;
-  double end_m = 0;  ///< along the line: where the last layer ends, or what is known of it
-  StackEnd end = StackEnd::kReach;
-};
 
 struct MarchOptions {
   double reach_m = 0.1;  ///< how far to march, (0, 1]: the needle's length

@@ -40,6 +40,7 @@ Entry entryOf(const Limb& limb) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return {plane->point_m, -normalized(plane->normal)};
   if (const auto* sphere = std::get_if<SphereLimb>(&limb))
     return {sphere->center_m + Vec3{0, 0, sphere->radius_m}, {0, 0, -1}};
+  // FEM needs layers: validate() refuses a body
   const auto& capsule = std::get<CapsuleLimb>(limb);
   const Vec3 along = normalized(capsule.b_m - capsule.a_m);
   const Vec3 any = std::fabs(along.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
@@ -269,6 +270,10 @@ Result<double> scaleToTipStiffness(SceneSpec& spec, double stiffness_N_per_m) {
 }
 
 Result<FemScene> femLikeForLike(const SceneSpec& scene, int nodes) {
+  if (std::holds_alternative<BodyLimb>(scene.limb))
+    return Error{
+        ErrorCode::kInvalidInput,
+        "volume: FEM computes layers that lie flat under the skin: use a profile with a limb and layers"};
   FemScene fem{likeForLike(scene, AxialModel::kFem)};
   if (!scene.fem.layers.empty()) return fem;
   fem.spec.fem.nodes = nodes;

@@ -58,7 +58,7 @@ struct FemScene {
 /// stiffness, which may be so soft that the needle indents the tissue by its whole length before it cuts.
 /// Therefore E is multiplied by one factor, so that at the skin the tip meets the stiffness of the scene's
 /// walls, on a mesh of about `nodes` (also written to the section). A scene with the section keeps it. Takes
-/// as long as computing one mesh. Errors: as `scaleToTipStiffness`.
+/// as long as computing one mesh. Errors: as `scaleToTipStiffness`; kInvalidInput for a body.
 Result<FemScene> femLikeForLike(const SceneSpec& scene, int nodes = kDefaultFemNodes);
 
 /// How a quantity would change from a mesh to ever finer ones: Richardson's estimate from that mesh and the

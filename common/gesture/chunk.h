@@ -23,10 +23,12 @@ inline constexpr std::size_t kMaxChunkSamples = 65'536;
 inline constexpr std::size_t kMaxChunkBytes = 20u << 20;
 /// The maximum length of a chunk's cut memory; the same limit applies in a live frame.
 inline constexpr std::size_t kMaxCutMemoryBytes = 1024;
+/// The maximum length of a chunk's list of paths in a body; the same limit applies in a live frame.
+inline constexpr std::size_t kMaxPathsBytes = 32'768;
 
 /// The contents of a chunk's header.
 struct ChunkInfo {
-  std::uint8_t version = 0;  ///< 1, or 2 with a cut memory
+  std::uint8_t version = 0;  ///< 1, 2 with a cut memory, or 3 with paths
   std::uint32_t count = 0;   ///< samples, 1 to kMaxChunkSamples
   std::uint64_t first_tick = 0, last_tick = 0;
   std::int64_t first_time_ns = 0;
@@ -40,10 +42,12 @@ struct ChunkInfo {
 /// half a step (plus the rounding of a double); a column with a value beyond that, or with an unexpected
 /// infinity or NaN, is stored exactly. `samples` must hold 1 to kMaxChunkSamples and `resolution` must be
 /// valid (asserted; without asserts, returns empty bytes). `cut_memory`: the cuts after one of the samples
-/// (encodeCuts in common/haptics), opaque here, at most kMaxCutMemoryBytes; if empty, the chunk has version
-/// 1. Thread: any; uses scratch memory of the calling thread. Not for the haptic thread: it allocates.
+/// (encodeCuts in common/haptics), opaque here, at most kMaxCutMemoryBytes. `paths`: the paths in a body that
+/// a reader of these samples needs (appendPath in common/haptics), opaque, at most kMaxPathsBytes. If both
+/// are empty, the chunk has version 1; without paths, version 2. Thread: any; uses scratch memory of the
+/// calling thread. Not for the haptic thread: it allocates.
 Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples,
-                  ByteView cut_memory = {});
+                  ByteView cut_memory = {}, ByteView paths = {});
 
 /// Decodes all samples of a chunk. Errors: kCorrupt (not a chunk, cut off, too long, CRC, impossible header),
 /// kVersion.
@@ -52,6 +56,9 @@ Result<std::vector<GestureSample>> decodeChunk(ByteView chunk);
 /// Returns the chunk's cut memory, for decodeCuts, which checks it. Empty if there is none or inspectChunk
 /// refuses the chunk.
 Bytes cutMemoryOf(ByteView chunk);
+/// Returns the chunk's list of paths, for pathsIn, which checks it. Empty if there is none or inspectChunk
+/// refuses the chunk.
+Bytes pathListOf(ByteView chunk);
 
 /// Checks all that decodeChunk checks, and returns the header: a chunk passes exactly when it can be decoded.
 /// Keeps no samples and unpacks only columns that can hold impossible values, so its time is proportional to

@@ -20,8 +20,8 @@ struct Header {
   ChunkInfo info;
   std::int64_t period_ns = 0;
   std::uint32_t raw = 0;
-  ByteView cut_memory;    ///< in the chunk
-  std::size_t bytes = 0;  ///< where the first row starts
+  ByteView cut_memory, paths;  ///< in the chunk
+  std::size_t bytes = 0;       ///< where the first row starts
 };
 
 constexpr std::size_t kCountAt = kMagic.size() + 2;  // after the version and the resolution's code
@@ -32,7 +32,7 @@ Error corrupt(const std::string& why) {
 }
 
 bool isKnown(std::uint8_t version) {
-  return version == kVersion || version == kVersionWithCuts;
+  return version >= kVersion && version <= kVersionWithPaths;
 }
 
 std::size_t blocksOf(std::size_t count) {
@@ -54,8 +54,8 @@ Result<Header> readHeader(ByteView chunk) {
   info.version = in.get<std::uint8_t>();
   if (!isKnown(info.version))
     return Error{ErrorCode::kVersion,
-                 fmt::format("gesture chunk: format version {}; this program reads versions {} and {}",
-                             info.version, kVersion, kVersionWithCuts)};
+                 fmt::format("gesture chunk: format version {}; this program reads versions {} to {}",
+                             info.version, kVersion, kVersionWithPaths)};
   std::uint32_t stored_crc;
   std::memcpy(&stored_crc, chunk.data() + size - kCrcBytes, kCrcBytes);
   if (crc32c(chunk.first(size - kCrcBytes)) != stored_crc)
@@ -79,13 +79,21 @@ Result<Header> readHeader(ByteView chunk) {
   } else if (code != kResolutionStandard) {
     return corrupt(fmt::format("resolution code {} is unknown", code));
   }
-  if (info.version == kVersionWithCuts) {
-    const std::size_t length = in.get<std::uint16_t>();
-    if (in.ok() && (length == 0 || length > kMaxCutMemoryBytes))
-      return corrupt(fmt::format("its memory of the cut has {} bytes, 1 to {} are possible", length,
+  if (info.version >= kVersionWithCuts) {
+    const std::size_t length = in.get<std::uint16_t>(), least = info.version == kVersionWithCuts ? 1 : 0;
+    if (in.ok() && (length < least || length > kMaxCutMemoryBytes))
+      return corrupt(fmt::format("its memory of the cut has {} bytes, {} to {} are possible", length, least,
                                  kMaxCutMemoryBytes));
     header.cut_memory = in.take(length);
     if (!in.ok()) return corrupt("it ends within the memory of the cut");
+  }
+  if (info.version >= kVersionWithPaths) {
+    const std::size_t length = in.get<std::uint16_t>();
+    if (in.ok() && (length == 0 || length > kMaxPathsBytes))
+      return corrupt(
+          fmt::format("its paths in a body have {} bytes, 1 to {} are possible", length, kMaxPathsBytes));
+    header.paths = in.take(length);
+    if (!in.ok()) return corrupt("it ends within the paths in a body");
   }
   const std::uint32_t declared = declaredRaw(info.resolution);
   if ((header.raw & ~kRealMask) != 0 || (declared & ~header.raw) != 0)
@@ -312,6 +320,12 @@ Bytes cutMemoryOf(ByteView chunk) {
   const auto header = readHeader(chunk);
   if (!header.ok()) return {};
   return {header->cut_memory.begin(), header->cut_memory.end()};
+}
+
+Bytes pathListOf(ByteView chunk) {
+  const auto header = readHeader(chunk);
+  if (!header.ok()) return {};
+  return {header->paths.begin(), header->paths.end()};
 }
 
 std::optional<std::uint32_t> claimedSamples(ByteView chunk) {

@@ -211,7 +211,8 @@ std::size_t worstCase(std::size_t count) {
   constexpr std::size_t kWorstRow = (kLastReal + 1) * 10 + (kColumnCount - kLastReal) * 6;
   constexpr std::size_t kWorstBlock = 4 + (kLastReal + 1) * kMaxColumnBytes<std::uint64_t> +
                                       (kColumnCount - kLastReal) * kMaxColumnBytes<std::uint32_t>;
-  constexpr std::size_t kWorstHeader = kFixedHeaderBytes + 48 + kCutsHeadBytes + kMaxCutMemoryBytes;
+  constexpr std::size_t kWorstHeader =
+      kFixedHeaderBytes + 48 + kCutsHeadBytes + kMaxCutMemoryBytes + kPathsHeadBytes + kMaxPathsBytes;
   static_assert(kWorstHeader + kWorstRow + (kMaxChunkSamples / kBlock) * kWorstBlock + kCrcBytes <=
                 kMaxChunkBytes);
   return kWorstHeader + kWorstRow + (count / kBlock + 1) * kWorstBlock + kCrcBytes + kScribble;
@@ -223,15 +224,23 @@ std::uint8_t* putValue(std::uint8_t* out, T value) {
   return out + sizeof value;
 }
 
+std::uint8_t* putBytes(std::uint8_t* out, ByteView bytes) {
+  out = putValue(out, static_cast<std::uint16_t>(bytes.size()));
+  return std::copy(bytes.begin(), bytes.end(), out);
+}
+
 std::uint8_t* putHeader(std::uint8_t* out, const Resolution& resolution,
-                        std::span<const GestureSample> samples, ByteView cut_memory, std::int64_t period_ns,
-                        std::uint32_t raw) {
+                        std::span<const GestureSample> samples, ByteView cut_memory, ByteView paths,
+                        std::int64_t period_ns, std::uint32_t raw) {
+  const std::uint8_t version = !paths.empty()        ? kVersionWithPaths
+                               : !cut_memory.empty() ? kVersionWithCuts
+                                                     : kVersion;
   const ResolutionCode code = resolution == Resolution::standard()   ? kResolutionStandard
                               : resolution == Resolution::lossless() ? kResolutionLossless
                                                                      : kResolutionListed;
   std::memcpy(out, kMagic.data(), kMagic.size());
   out += kMagic.size();
-  out = putValue(out, cut_memory.empty() ? kVersion : kVersionWithCuts);
+  out = putValue(out, version);
   out = putValue(out, static_cast<std::uint8_t>(code));
   out = putValue(out, static_cast<std::uint16_t>(samples.size() - 1));
   out = putValue(out, samples.front().tick);
@@ -243,9 +252,9 @@ std::uint8_t* putHeader(std::uint8_t* out, const Resolution& resolution,
     for (const double step : {resolution.length_m, resolution.quaternion, resolution.force_N,
                               resolution.torque_Nm, resolution.time_s, resolution.speed_mps})
       out = putValue(out, step);
-  if (cut_memory.empty()) return out;
-  out = putValue(out, static_cast<std::uint16_t>(cut_memory.size()));
-  return std::copy(cut_memory.begin(), cut_memory.end(), out);
+  if (version >= kVersionWithCuts) out = putBytes(out, cut_memory);
+  if (version >= kVersionWithPaths) out = putBytes(out, paths);
+  return out;
 }
 
 // work space kept per thread, so that one chunk per second does not allocate
@@ -261,16 +270,17 @@ std::uint8_t* scratchOf(std::size_t bytes) {
 
 }  // namespace
 
-Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples, ByteView cut_memory) {
+Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> samples, ByteView cut_memory,
+                  ByteView paths) {
   const bool valid = !samples.empty() && samples.size() <= kMaxChunkSamples && validate(resolution).ok() &&
-                     cut_memory.size() <= kMaxCutMemoryBytes;
-  assert(valid && "1 to 65,536 samples, a valid resolution, and at most 1,024 bytes of memory");
+                     cut_memory.size() <= kMaxCutMemoryBytes && paths.size() <= kMaxPathsBytes;
+  assert(valid && "1 to 65,536 samples, a valid resolution, at most 1,024 bytes of memory, 32,768 of paths");
   if (!valid) return {};
 
   std::uint8_t* const begin = scratchOf(worstCase(samples.size()));
   for (std::uint32_t raw = declaredRaw(resolution);;) {
     Encoder encoder(resolution, samples, raw);
-    std::uint8_t* out = putHeader(begin, resolution, samples, cut_memory, encoder.periodNs(), raw);
+    std::uint8_t* out = putHeader(begin, resolution, samples, cut_memory, paths, encoder.periodNs(), raw);
     out = encoder.firstRow(out);
     for (std::size_t first = 1; first < samples.size(); first += kBlock)
       out = encoder.block(first, std::min(kBlock, samples.size() - first), out);

@@ -13,10 +13,12 @@ namespace needlelab::chunk_format {
 inline constexpr std::array<std::uint8_t, 4> kMagic{'N', 'L', 'G', 'C'};
 inline constexpr std::uint8_t kVersion = 1;           ///< without a cut memory
 inline constexpr std::uint8_t kVersionWithCuts = 2;   ///< with one, after the steps
+inline constexpr std::uint8_t kVersionWithPaths = 3;  ///< with a cut memory, which may be empty, and paths
 inline constexpr std::size_t kFixedHeaderBytes = 44;  ///< up to and including the mask of raw columns
 inline constexpr std::size_t kCrcBytes = 4;
-inline constexpr std::size_t kCutsHeadBytes = 2;  ///< the cut memory's length field
-inline constexpr std::size_t kBlock = 32;         ///< rows per block
+inline constexpr std::size_t kCutsHeadBytes = 2;   ///< the cut memory's length field
+inline constexpr std::size_t kPathsHeadBytes = 2;  ///< the paths' length field
+inline constexpr std::size_t kBlock = 32;          ///< rows per block
 
 /// The coding of the resolution in the header. Append-only.
 enum ResolutionCode : std::uint8_t {

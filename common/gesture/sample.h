@@ -32,7 +32,7 @@ struct GestureSample {
   std::int32_t engine_ns = 0;  ///< time spent in the engine and gate in this tick
   std::uint32_t flags = 0;     ///< StepFlag | GateFlag
   std::uint32_t buttons = 0;   ///< bit i: button i is pressed
-  std::int8_t layer = -1;      ///< −1 when free
+  std::int8_t layer = -1;      ///< the profile's layer or the volume's structure; −1 when free
   std::uint8_t phase = 0;      ///< needlelab::Phase
   std::uint8_t fault = 0;      ///< needlelab::Fault
 };

@@ -67,6 +67,8 @@ struct AxialEntry {
   bool follows_layers = false;     ///< … with the layers' cutting forces; a layer may have a K_t of its own
   bool places_wall = false;        ///< each tick computes `wall_m` from the layers' tops
   bool feels_speed = false;        ///< a faster insertion has another force
+  /// Why it does not work in a body, after "…: "; empty: it does.
+  std::string_view needs_shells = {};
 
   // its numbers
   AxialSection section = {};

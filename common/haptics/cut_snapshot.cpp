@@ -5,34 +5,19 @@
 
 #include <fmt/core.h>
 
+#include "common/haptics/vector_bytes.h"
+
 namespace needlelab {
 namespace {
 
 constexpr std::uint8_t kCutVersion = 2;  // version 1 lacked the number of insertions and was never stored
-/// Rounding tolerance for the length of a unit vector.
-constexpr double kUnitTolerance = 1e-9;
 
-void put(ByteWriter& to, Vec3 v) {
-  to.put(v.x);
-  to.put(v.y);
-  to.put(v.z);
-}
-
-Vec3 vectorFrom(ByteReader& from) {
-  Vec3 v;
-  v.x = from.get<double>();
-  v.y = from.get<double>();
-  v.z = from.get<double>();
-  return v;
-}
-
-Error corrupt(const std::string& what) {
+Error corruptCuts(const std::string& what) {
   return {ErrorCode::kCorrupt, "memory of the cut: " + what};
 }
 
 bool isTrack(const CutTrack& track) {
-  return isFinite(track.p_entry_W_m) && isFinite(track.u_W) &&
-         std::abs(norm(track.u_W) - 1) <= kUnitTolerance && std::isfinite(track.length_m) &&
+  return isFinite(track.p_entry_W_m) && isDirection(track.u_W) && std::isfinite(track.length_m) &&
          track.length_m >= 0;
 }
 
@@ -58,8 +43,8 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
   to.put(snapshot.insertions);
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     const CutTrack& track = cuts.tracks[i];
-    put(to, track.p_entry_W_m);
-    put(to, track.u_W);
+    putVector(to, track.p_entry_W_m);
+    putVector(to, track.u_W);
     to.put(track.length_m);
     to.put(track.membranes);
   }
@@ -80,21 +65,21 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
   const auto filler = from.get<std::uint8_t>();
   snapshot.tick = from.get<std::uint64_t>();
   snapshot.insertions = from.get<std::uint64_t>();
-  if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
-  if (filler != 0) return corrupt(fmt::format("byte 3 is {}, it must be 0", filler));
+  if (!from.ok()) return corruptCuts(fmt::format("{} bytes are too few", bytes.size()));
+  if (filler != 0) return corruptCuts(fmt::format("byte 3 is {}, it must be 0", filler));
   if (!isRing(cuts))
-    return corrupt(fmt::format("{} tracks with the next at {} are not a valid ring of {}", cuts.count,
-                               cuts.next, kMaxCutTracks));
+    return corruptCuts(fmt::format("{} tracks with the next at {} are not a valid ring of {}", cuts.count,
+                                   cuts.next, kMaxCutTracks));
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     CutTrack& track = cuts.tracks[i];
     track.p_entry_W_m = vectorFrom(from);
     track.u_W = vectorFrom(from);
     track.length_m = from.get<double>();
     track.membranes = from.get<std::uint32_t>();
-    if (!from.ok()) return corrupt(fmt::format("{} bytes are too few", bytes.size()));
-    if (!isTrack(track)) return corrupt(fmt::format("track {} is not a line with a length", i));
+    if (!from.ok()) return corruptCuts(fmt::format("{} bytes are too few", bytes.size()));
+    if (!isTrack(track)) return corruptCuts(fmt::format("track {} is not a line with a length", i));
   }
-  if (from.left() != 0) return corrupt(fmt::format("{} bytes are left over", from.left()));
+  if (from.left() != 0) return corruptCuts(fmt::format("{} bytes are left over", from.left()));
   return snapshot;
 }
 

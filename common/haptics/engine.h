@@ -31,6 +31,8 @@ enum StepFlag : std::uint32_t {
   kFlagStartedInside = 1u << 9,  ///< the tip is in the tissue but was never outside: no force
   kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long
   kFlagFlatEntry = 1u << 11,     ///< with kFlagEntry: the needle lies on the skin, within 10 degrees
+  kFlagNewPath = 1u << 12,   ///< a body: from this tick on, the layers ahead are those asked for 20 ticks ago
+  kFlagKeptPath = 1u << 13,  ///< a body: they came too late, or the tip has passed them: the path was kept
 };
 
 /// Output of one tick. Forces act on the user's hand; `*_N` along u are signed (cutting is negative,

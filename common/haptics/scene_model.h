@@ -122,10 +122,16 @@ class SceneModel {
 
   // BONE; null and 0 if it is not live
   HoldFunction hold = nullptr;
-  std::uint32_t bone_layer = 0;    ///< the outermost layer of bone
-  double bone_top_m = 0;           ///< its top
-  bool bone_is_plane = false;      ///< the limb is a plane, and so is the bone
-  Vec3 bone_point_m, bone_normal;  ///< … with its unit normal out of the bone
+  std::uint32_t bone_layer = 0;                       ///< the outermost layer of bone
+  double bone_top_m = 0;                              ///< its top
+  bool bone_is_plane = false;                         ///< the limb is a plane, and so is the bone
+  Vec3 bone_point_m, bone_normal;                     ///< … with its unit normal out of the bone
+  std::array<BonePlane, kMaxBonePlanes> bone_planes;  ///< in a body: instead of all these
+  std::uint32_t bone_plane_count = 0;
+
+  /// A body: what its paths are compiled from (path_stack.h); null for all other limbs. Such a model is not
+  /// stepped itself, only those of its paths.
+  std::shared_ptr<const SceneSpec> body_spec;
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
   /// Maximum stiffness that can act at once along the trajectory: K_t (or the axial model's) + K_f + steepest

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -12,6 +13,7 @@
 
 #include "common/base/result.h"
 #include "common/haptics/axial_model.h"
+#include "common/haptics/body.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab {
@@ -94,7 +96,13 @@ struct CapsuleLimb {
   Vec3 a_m, b_m;
   double radius_m = 0;
 };
-using Limb = std::variant<PlaneLimb, SphereLimb, CapsuleLimb>;
+/// A patient's body, with its frame L placed in W. The scene's layers are the body's structures, in no order
+/// of depth; their thickness has no meaning.
+struct BodyLimb {
+  std::shared_ptr<const Body> body;  ///< not null
+  Pose X_WL;
+};
+using Limb = std::variant<PlaneLimb, SphereLimb, CapsuleLimb, BodyLimb>;
 
 /// A membrane at a layer's top: force k1 z + k2 z² until it ruptures at `force_N` (FORCE_MODEL.md,
 /// "Puncture").

@@ -19,6 +19,9 @@ double depthIn(const CapsuleLimb& capsule, Vec3 p) {
   const double t = std::clamp(dot(p - capsule.a_m, ab) / normSquared(ab), 0.0, 1.0);
   return capsule.radius_m - norm(p - (capsule.a_m + ab * t));
 }
+double depthIn(const BodyLimb& limb, Vec3 p) {
+  return limb.body->depth(inverse(limb.X_WL) * p);
+}
 
 }  // namespace
 
@@ -29,6 +32,7 @@ Limb placed(const Limb& limb, const Pose& X_WL) {
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
     return SphereLimb{X_WL * sphere->center_m, sphere->radius_m};
   }
+  if (const auto* body = std::get_if<BodyLimb>(&limb)) return BodyLimb{body->body, X_WL * body->X_WL};
   const auto& capsule = std::get<CapsuleLimb>(limb);
   return CapsuleLimb{X_WL * capsule.a_m, X_WL * capsule.b_m, capsule.radius_m};
 }
@@ -40,6 +44,7 @@ double depthInLimb(const SceneModel& model, const Vec3& p_W_m) noexcept {
 double signedDepth(const Limb& limb, Vec3 p_W_m) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return depthIn(*plane, p_W_m);
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return depthIn(*sphere, p_W_m);
+  if (const auto* body = std::get_if<BodyLimb>(&limb)) return depthIn(*body, p_W_m);
   return depthIn(*std::get_if<CapsuleLimb>(&limb), p_W_m);
 }
 
@@ -49,6 +54,8 @@ Vec3 surfaceNormal(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
     return plane->normal;
   } else if (const auto* sphere = std::get_if<SphereLimb>(&limb)) {
     out = p - sphere->center_m;
+  } else if (const auto* body = std::get_if<BodyLimb>(&limb)) {
+    out = rotate(body->X_WL.q, body->body->normal(inverse(body->X_WL) * p));
   } else {
     const auto& capsule = *std::get_if<CapsuleLimb>(&limb);
     const Vec3 ab = capsule.b_m - capsule.a_m;
@@ -57,6 +64,19 @@ Vec3 surfaceNormal(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
   }
   const double size = norm(out);
   return size > 1e-12 ? out / size : -normalized(motion);
+}
+
+Vec3 nearestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
+  constexpr int kSkinSteps = 8;
+  constexpr double kOnSkin_m = 1e-9;
+  Vec3 at = p + surfaceNormal(limb, p, motion) * signedDepth(limb, p);
+  if (!std::holds_alternative<BodyLimb>(limb)) return at;
+  for (int step = 0; step < kSkinSteps; ++step) {
+    const double depth_m = signedDepth(limb, at);
+    if (!(depth_m > kOnSkin_m || depth_m < -kOnSkin_m)) break;
+    at = at + surfaceNormal(limb, at, motion) * depth_m;
+  }
+  return at;
 }
 
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept {

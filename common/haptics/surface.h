@@ -11,6 +11,10 @@ namespace needlelab {
 /// (at a centre), the direction against `motion`. Real-time safe.
 Vec3 surfaceNormal(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
+/// Returns the surface point nearest to `p_W_m`, along the normal there; `motion` as for surfaceNormal. In a
+/// body, whose depth is not exact everywhere, found in a few steps.
+Vec3 nearestSkin(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
+
 /// Returns P0: the point with depth 0 between the tips of the last tick and of this one. `before` is the
 /// state of the previous tick, outside; `depth_m` > 0 is the depth of `p_W_m`. Real-time safe.
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept;

@@ -17,15 +17,40 @@ std::string tissueWord(pb::Layer::Tissue tissue) {
 
 }  // namespace
 
+std::vector<const pb::Layer*> profileLayers(const pb::Profile& profile) {
+  std::vector<const pb::Layer*> layers;
+  for (const auto& structure : profile.volume().structures()) layers.push_back(&structure.layer());
+  for (const pb::Layer& layer : profile.layers()) layers.push_back(&layer);
+  return layers;
+}
+
+std::vector<pb::Layer*> profileLayers(pb::Profile& profile) {
+  std::vector<pb::Layer*> layers;
+  if (profile.has_volume())
+    for (auto& structure : *profile.mutable_volume()->mutable_structures())
+      layers.push_back(structure.mutable_layer());
+  for (pb::Layer& layer : *profile.mutable_layers()) layers.push_back(&layer);
+  return layers;
+}
+
+std::string layerPath(const pb::Profile& profile, std::size_t i) {
+  return profile.has_volume() ? fmt::format("volume.structures[{}].layer", i) : fmt::format("layers[{}]", i);
+}
+
 std::vector<std::string> layerNames(const pb::Profile& profile) {
+  const std::vector<const pb::Layer*> layers = profileLayers(profile);
   std::map<int, int> unnamed, seen;  // by tissue
-  for (const pb::Layer& layer : profile.layers())
-    if (!layer.has_name()) ++unnamed[layer.tissue()];
+  for (const pb::Layer* layer : layers)
+    if (!layer->has_name()) ++unnamed[layer->tissue()];
   std::vector<std::string> names;
-  for (int i = 0; i < profile.layers_size(); ++i) {
-    const pb::Layer& layer = profile.layers(i);
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const pb::Layer& layer = *layers[i];
     if (layer.has_name()) {
       names.push_back(layer.name());
+      continue;
+    }
+    if (profile.has_volume()) {
+      names.push_back(profile.volume().structures(static_cast<int>(i)).id());
       continue;
     }
     std::string name = tissueWord(layer.tissue());

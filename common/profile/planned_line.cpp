@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <variant>
 
+#include "common/base/units.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 #include "common/profile/scene_of_profile.h"
@@ -17,7 +17,6 @@ namespace {
 
 /// Two points closer than this do not define a direction; same limit as for segments of hazards.
 constexpr double kMinLength_m = 1e-6;
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 Vec3 pointOf(const pb::Vector3& v) {
   return {v.x(), v.y(), v.z()};
@@ -53,6 +52,25 @@ std::optional<PlannedLine> plannedLineOf(const pb::Exercise& exercise, const Pos
   return PlannedLine{X * entry_m, rotate(X.q, along / length)};
 }
 
+std::optional<PlannedLine> onSkin(const PlannedLine& line, const Limb& limb) {
+  if (!std::holds_alternative<BodyLimb>(limb)) return line;
+  constexpr double kFinest_m = 1e-4, kFound_m = 1e-7;
+  const auto depth = [&](double t_m) { return signedDepth(limb, line.entry_m + line.direction * t_m); };
+  // from outside onwards, from inside back
+  const double depth_m = depth(0), side = depth_m > 0 ? -1 : 1;
+  double near_m = 0, far_m = 0;
+  for (double here_m = depth_m; (here_m > 0) == (depth_m > 0); here_m = depth(side * far_m)) {
+    if (far_m >= kPlanOffVolume_m) return std::nullopt;
+    near_m = far_m;
+    far_m = std::min(kPlanOffVolume_m, far_m + std::max(0.5 * std::abs(here_m), kFinest_m));
+  }
+  while (far_m - near_m > kFound_m) {
+    const double middle_m = 0.5 * (near_m + far_m);
+    ((depth(side * middle_m) > 0) == (depth_m > 0) ? near_m : far_m) = middle_m;
+  }
+  return PlannedLine{line.entry_m + line.direction * (side * near_m), line.direction};
+}
+
 double distanceFrom(const PlannedLine& line, Vec3 p_m) {
   const Vec3 r = p_m - line.entry_m;
   return norm(r - dot(r, line.direction) * line.direction);
@@ -73,7 +91,7 @@ Status checkPlanFields(const pb::Exercise::Plan& plan, const std::string& path) 
 }
 
 Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const std::string& path) {
-  const auto line = plannedLineOf(exercise);
+  auto line = plannedLineOf(exercise);
   if (!line) return {};
   const std::string plan = path.empty() ? "plan" : path + ".plan";
   ASSIGN_OR_RETURN(const auto scene, sceneSpecOf(profile));
@@ -81,6 +99,16 @@ Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const
   // a plane's normal may have any length
   Limb limb = scene.limb;
   if (auto* const plane = std::get_if<PlaneLimb>(&limb)) plane->normal = normalized(plane->normal);
+  const auto placed = onSkin(*line, limb);
+  if (!placed)
+    return fieldError(
+        plan + ".entry_m",
+        fmt::format("{} is {:.3g} mm {} the skin of profile '{}', and the line does not meet it within "
+                    "{:g} mm: give a point of the line nearer to where it goes in",
+                    millimetres(line->entry_m), 1e3 * std::abs(signedDepth(limb, line->entry_m)),
+                    signedDepth(limb, line->entry_m) > 0 ? "below" : "above", profile.id(),
+                    1e3 * kPlanOffVolume_m));
+  line = placed;
   const double depth_m = signedDepth(limb, line->entry_m);
   const Vec3 normal = surfaceNormal(limb, line->entry_m, line->direction);
   if (std::abs(depth_m) > kPlanOffSkin_m)
@@ -98,9 +126,10 @@ Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const
         where, fmt::format("the line {} at {:.3g}° to the skin of profile '{}': it has to go in "
                            "at {:g}° to the skin or more",
                            slope_rad < 0 ? "comes out of the tissue" : "goes in",
-                           kDegrees * std::abs(slope_rad), profile.id(), kDegrees * kMinPlanSlope_rad));
+                           degreesOf(std::abs(slope_rad)), profile.id(), degreesOf(kMinPlanSlope_rad)));
   const double needle_m = (exercise.has_needle() ? exercise.needle() : profile.needle()).length_m();
-  if (const double way_m = norm(alongOf(exercise.plan())); has_target && way_m > needle_m)
+  if (const double way_m = norm(pointOf(exercise.plan().target_m()) - line->entry_m);
+      has_target && way_m > needle_m)
     return fieldError(where, fmt::format("is {:.3g} mm from the entry, and the needle is {:.3g} mm long",
                                          1e3 * way_m, 1e3 * needle_m));
   return {};

@@ -40,16 +40,14 @@ std::vector<Error> profileFaults(std::string_view json) {
   if (!tree) return {tree.error()};
   pb::Profile profile;
   std::vector<Error> faults = messageFaults(*tree, profile);
-  if (!faults.empty()) {
-    // a field with a wrong value is not missing
-    for (Error& missing : missingInBody(profile)) {
-      const std::string path = missing.message.substr(0, missing.message.find(':') + 1);
-      const bool is_named = std::any_of(faults.begin(), faults.end(),
-                                        [&](const Error& fault) { return fault.message.starts_with(path); });
-      if (!is_named) faults.push_back(std::move(missing));
-    }
-    return faults;
+  // a field with a wrong value is not missing
+  for (Error& missing : missingParts(profile)) {
+    const std::string path = missing.message.substr(0, missing.message.find(':') + 1);
+    const bool is_named = std::any_of(faults.begin(), faults.end(),
+                                      [&](const Error& fault) { return fault.message.starts_with(path); });
+    if (!is_named) faults.push_back(std::move(missing));
   }
+  if (!faults.empty()) return faults;
   if (Status status = checkProfileRules(profile); !status) faults.push_back(status.error());
   return faults;
 }

@@ -91,7 +91,43 @@ Status checkStopMode(const pb::TrackingWall& wall) {
   return {};
 }
 
-Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
+/// Checks a region that is a structure of the volume. `shape`: the first field of a shape that it also has;
+/// empty: none.
+Status checkStructure(const pb::Profile& profile, const std::string& id, const std::string& path,
+                      const std::string& shape) {
+  if (!profile.has_volume())
+    return fieldError(path + ".structure", "needs a volume, and the profile has layers: give a shape");
+  if (!shape.empty())
+    return fieldError(path + "." + shape, "a region is either a structure or a shape: take one out");
+  std::vector<std::string> ids;
+  for (const auto& structure : profile.volume().structures()) ids.push_back(structure.id());
+  if (std::ranges::find(ids, id) == ids.end())
+    return fieldError(path + ".structure",
+                      fmt::format("{} is not one of: {}", quotedText(id), fmt::join(ids, ", ")));
+  return {};
+}
+
+/// Checks that the point to aim at is in the target's structure.
+Status checkAim(const pb::Volume& volume, const pb::Target& target, const std::string& path) {
+  ASSIGN_OR_RETURN(const Field field, fieldOf(volume));
+  const StructureIndex found = field.at(vectorOf(target.center_m())).structure;
+  if (found != kOutside && field.structures()[found].id == target.structure()) return {};
+  return fieldError(path + ".center_m",
+                    fmt::format("is {}, not in {}: give a point of the target's structure, or leave it out",
+                                found == kOutside ? "outside of the skin"
+                                                  : "in " + quotedText(field.structures()[found].id),
+                                quotedText(target.structure())));
+}
+
+Status checkHazard(const pb::Profile& profile, const pb::Hazard& hazard, const std::string& path) {
+  if (hazard.has_structure())
+    return checkStructure(profile, hazard.structure(), path,
+                          hazard.has_center_m()   ? "center_m"
+                          : hazard.has_a_m()      ? "a_m"
+                          : hazard.has_b_m()      ? "b_m"
+                          : hazard.has_radius_m() ? "radius_m"
+                          : hazard.has_anchor()   ? "anchor"
+                                                  : "");
   const bool some_segment = hazard.has_a_m() || hazard.has_b_m();
   const bool whole_segment = hazard.has_a_m() && hazard.has_b_m();
   if (hazard.has_center_m() == some_segment) {
@@ -115,24 +151,25 @@ Status checkHazard(const pb::Hazard& hazard, const std::string& path) {
 /// Checks that each name can be displayed, and that no two layers have the same name.
 Status checkLayerNames(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
-  const auto field = [](int i) { return fmt::format("layers[{}].name", i); };
-  const auto isNamed = [&](int i) { return profile.layers(i).has_name(); };
-  std::map<std::string, int> called;  // the layer with that name
-  for (int i = 0; i < profile.layers_size(); ++i) {
-    const std::string& name = names[static_cast<std::size_t>(i)];
+  const auto layers = profileLayers(profile);
+  const auto field = [&](std::size_t i) { return layerPath(profile, i) + ".name"; };
+  const auto isNamed = [&](std::size_t i) { return layers[i]->has_name(); };
+  std::map<std::string, std::size_t> called;  // the layer with that name
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const std::string& name = names[i];
     if (isNamed(i)) {
       RETURN_IF_ERROR(checkName(field(i), name));
     }
     // compare in lower case, because screens capitalise the first letter
     const auto [found, is_new] = called.try_emplace(lowerCase(name), i);
     if (is_new) continue;
-    const bool exact = names[static_cast<std::size_t>(found->second)] == name;
+    const bool exact = names[found->second] == name;
     // one of them was given this name; the other was, too, or gets it as a default
-    const int named = isNamed(i) ? i : found->second, other = isNamed(i) ? found->second : i;
-    const std::string why = isNamed(other)
-                                ? fmt::format(" is the name of layers[{}], too", other)
-                                : fmt::format(" is what layers[{}] is called, which has no name", other);
-    return fieldError(field(named), quotedText(names[static_cast<std::size_t>(named)]) + why +
+    const std::size_t named = isNamed(i) ? i : found->second, other = isNamed(i) ? found->second : i;
+    const std::string where = layerPath(profile, other);
+    const std::string why = isNamed(other) ? fmt::format(" is the name of {}, too", where)
+                                           : fmt::format(" is what {} is called, which has no name", where);
+    return fieldError(field(named), quotedText(names[named]) + why +
                                         (exact ? "" : "; capitals do not tell names apart") +
                                         ": give each layer a name of its own");
   }
@@ -157,6 +194,15 @@ Status checkTargets(const pb::Profile& profile) {
     const pb::Target& target = profile.targets(i);
     if (!names.insert(target.name()).second)
       return fieldError(fmt::format("targets[{}].name", i), quotedText(target.name()) + " is used twice");
+    if (target.has_structure()) {
+      const std::string path = fmt::format("targets[{}]", i);
+      RETURN_IF_ERROR(checkStructure(profile, target.structure(), path,
+                                     target.has_radius_m()        ? "radius_m"
+                                     : target.tissues_size() != 0 ? "tissues"
+                                     : target.has_anchor()        ? "anchor"
+                                                                  : ""));
+      if (target.has_center_m()) RETURN_IF_ERROR(checkAim(profile.volume(), target, path));
+    }
     for (int k = 0; k < target.tissues_size(); ++k)
       if (std::ranges::find(layers, target.tissues(k)) == layers.end())
         return fieldError(fmt::format("targets[{}].tissues[{}]", i, k),
@@ -173,17 +219,28 @@ Status checkBody(const pb::Profile& profile) {
       return fieldError("limb", "a profile with a volume has none: its skin is a group of the volume");
     if (profile.layers_size() > 0)
       return fieldError("layers", "a profile with a volume has none: they are the volume's structures");
-    return checkVolume(profile.volume());
+    RETURN_IF_ERROR(checkVolume(profile.volume()));
   }
-  const std::vector<Error> missing = missingInBody(profile);
+  const std::vector<Error> missing = missingParts(profile);
   if (!missing.empty()) return missing.front();
   return {};
 }
 
 }  // namespace
 
-std::vector<Error> missingInBody(const pb::Profile& profile) {
+std::vector<Error> missingParts(const pb::Profile& profile) {
   std::vector<Error> faults;
+  for (int i = 0; i < profile.targets_size(); ++i) {
+    const pb::Target& target = profile.targets(i);
+    if (target.has_structure()) continue;
+    if (!target.has_center_m())
+      faults.push_back(fieldError(fmt::format("targets[{}].center_m", i), "is missing"));
+    if (!target.has_radius_m())
+      faults.push_back(fieldError(fmt::format("targets[{}].radius_m", i), "is missing"));
+  }
+  for (int i = 0; i < profile.hazards_size(); ++i)
+    if (!profile.hazards(i).has_structure() && !profile.hazards(i).has_radius_m())
+      faults.push_back(fieldError(fmt::format("hazards[{}].radius_m", i), "is missing"));
   if (profile.has_volume()) return faults;
   if (!profile.has_limb()) faults.push_back(fieldError("limb", "is missing"));
   if (profile.layers_size() == 0)
@@ -208,12 +265,11 @@ Status checkProfileRules(const pb::Profile& profile) {
   std::set<std::string> names;
   for (int i = 0; i < profile.hazards_size(); ++i) {
     const std::string path = fmt::format("hazards[{}]", i);
-    RETURN_IF_ERROR(checkHazard(profile.hazards(i), path));
+    RETURN_IF_ERROR(checkHazard(profile, profile.hazards(i), path));
     if (!names.insert(profile.hazards(i).name()).second) {
       return fieldError(path + ".name", quotedText(profile.hazards(i).name()) + " is used twice");
     }
   }
-  if (profile.has_volume()) return {};
   // forces and shapes are checked in one place, the engine
   if (const auto spec = sceneSpecOf(profile); !spec) return spec.error();
   return {};
@@ -383,6 +439,8 @@ void warnAboutRupture(const pb::Profile& profile, const LayerSpec& layer, int i,
 
 /// Only models with a wall follow the layers' cutting forces, with a spring of K_t.
 void warnAboutLayers(const pb::Profile& profile, std::vector<std::string>& warnings) {
+  // a structure has no thickness of its own, and no order of depth
+  if (profile.has_volume()) return;
   const auto scene = sceneSpecOf(profile);
   if (!scene) return;
   double force_before_N = 0;
@@ -463,7 +521,6 @@ double fidelity(double force_before_N, double force_N, double wall_stiffness_N_p
 std::vector<std::string> profileWarnings(const pb::Profile& profile) {
   std::vector<std::string> warnings;
   warnAboutNeedle(profile, warnings);
-  if (profile.has_volume()) warnings.push_back(sceneSpecOf(profile).error().message);
   warnAboutLayers(profile, warnings);
   warnAboutModel(profile, warnings);
   return warnings;

@@ -5,14 +5,20 @@
 
 #include <algorithm>
 #include <cassert>
+#include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <variant>
+#include <vector>
 
+#include "common/anatomy/field_body.h"
 #include "common/base/range.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/profile/layer_names.h"
 #include "common/profile/strict_json.h"
+#include "common/profile/volume.h"
 #include "needlelab/options.pb.h"
 
 namespace needlelab {
@@ -20,6 +26,9 @@ namespace {
 
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
+
+/// What the scene of a volume has for the thickness of its structures.
+constexpr double kNominalThickness_m = 0.01;
 
 static_assert(pb::Profile::Effect_MIN == 0 && pb::Profile::Effect_MAX == kEffectCount);
 
@@ -182,16 +191,12 @@ void putFields(std::span<const AxialField> fields, SceneSpec& spec, std::size_t 
     });
 }
 
-/// The number of such sections that a profile may have.
-int countOf(const AxialSection& section, const pb::Profile& profile) {
-  if (section.name.empty()) return 0;
-  return section.inLayers() ? profile.layers_size() : 1;
-}
-
-/// The model's section in the profile, or in layer `i`; null: absent.
-const Message* sectionOf(const AxialSection& section, const pb::Profile& profile, int i) {
-  if (section.inLayers()) return sectionNamed(profile.layers(i), section.name);
-  return sectionNamed(profile, section.name);
+/// Where such a section may stand: in each layer, or in the profile.
+std::vector<const Message*> placesOf(const AxialSection& section, const pb::Profile& profile) {
+  if (section.name.empty()) return {};
+  if (!section.inLayers()) return {&profile};
+  const auto layers = profileLayers(profile);
+  return {layers.begin(), layers.end()};
 }
 
 /// Reads every model's section that the profile has; the others keep their defaults. `spec.layers` must be
@@ -199,9 +204,9 @@ const Message* sectionOf(const AxialSection& section, const pb::Profile& profile
 void readModelSections(const pb::Profile& profile, SceneSpec& spec) {
   for (const AxialEntry* model : axialEntries()) {
     const AxialSection& own = model->section;
-    for (int k = 0; k < countOf(own, profile); ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      const Message* const section = sectionOf(own, profile, k);
+    const std::vector<const Message*> places = placesOf(own, profile);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const Message* const section = sectionNamed(*places[i], own.name);
       if (section == nullptr) continue;
       if (own.inLayers()) own.addTo(spec.layers[i]);
       readFields(own.fields, *section, i, spec);
@@ -227,6 +232,30 @@ Status readModel(const pb::Profile& profile, SceneSpec& spec) {
   return {};
 }
 
+/// A volume's skin in its own frame.
+Result<Limb> bodyOf(const pb::Volume& volume) {
+  ASSIGN_OR_RETURN(Field field, fieldOf(volume));
+  return Limb(BodyLimb{std::make_shared<const FieldBody>(std::move(field)), {}});
+}
+
+/// The engine names a scene's layers; an author knows a volume's structures.
+Error inVolume(Error error) {
+  std::string& words = error.message;
+  constexpr std::string_view kLayer = "layers[";
+  for (auto at = words.find(kLayer); at != std::string::npos; at = words.find(kLayer, at)) {
+    const auto end = words.find(']', at);
+    if (end == std::string::npos || end == at + kLayer.size()) {
+      at += kLayer.size();
+      continue;
+    }
+    const std::string to =
+        "volume.structures[" + words.substr(at + kLayer.size(), end - at - kLayer.size()) + "].layer";
+    words.replace(at, end + 1 - at, to);
+    at += to.size();
+  }
+  return error;
+}
+
 bool anyIsRequired(const google::protobuf::Descriptor& message) {
   for (int i = 0; i < message.field_count(); ++i)
     if (message.field(i)->options().GetExtension(pb::required)) return true;
@@ -235,8 +264,9 @@ bool anyIsRequired(const google::protobuf::Descriptor& message) {
 
 }  // namespace
 
-Result<Limb> unitLimbOf(const pb::Limb& limb) {
-  ASSIGN_OR_RETURN(Limb made, limbOf(limb));
+Result<Limb> unitLimbOf(const pb::Profile& profile) {
+  if (profile.has_volume()) return bodyOf(profile.volume());
+  ASSIGN_OR_RETURN(Limb made, limbOf(profile.limb()));
   if (auto* const plane = std::get_if<PlaneLimb>(&made)) plane->normal = normalized(plane->normal);
   return made;
 }
@@ -271,17 +301,16 @@ pb::Profile::Effect numberOfEffect(Effect effect) {
 
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   ASSIGN_OR_RETURN(const Pose placement, checkedPlacement(X_WL));
-  if (profile.has_volume())
-    return Error{ErrorCode::kInvalidInput,
-                 fmt::format("volume: profile '{}' gives no forces yet: a lesson needs a limb and layers",
-                             profile.id())};
-  ASSIGN_OR_RETURN(const Limb limb, limbOf(profile.limb()));
+  ASSIGN_OR_RETURN(const Limb limb, profile.has_volume() ? bodyOf(profile.volume()) : limbOf(profile.limb()));
 
   SceneSpec spec;
   spec.needle_length_m = profile.needle().length_m();
   spec.needle_diameter_m = needleOf(profile.needle()).outer_diameter_m;
   spec.limb = placed(limb, placement);
-  for (const pb::Layer& layer : profile.layers()) spec.layers.push_back(layerOf(layer));
+  for (const pb::Layer* layer : profileLayers(profile)) {
+    spec.layers.push_back(layerOf(*layer));
+    if (profile.has_volume()) spec.layers.back().thickness_m = kNominalThickness_m;
+  }
   RETURN_IF_ERROR(readModel(profile, spec));
   spec.tracking_wall = wallOf(profile.tracking_wall());
   for (const EffectEntry* effect : effectEntries()) readSection(*effect, profile, spec);
@@ -296,22 +325,24 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
       return Error{ErrorCode::kInvalidInput, fmt::format("effects: {} is not a known effect", effect)};
     spec.effects |= bitOf((*row)->effect);
   }
-  RETURN_IF_ERROR(validate(spec));
+  if (const Status valid = validate(spec); !valid.ok())
+    return profile.has_volume() ? inVolume(valid.error()) : valid.error();
   return spec;
 }
 
 Status checkModelSection(const pb::Profile& profile) {
   const AxialSection& chosen = axialEntryOf(profile).section;
-  for (int i = 0; i < countOf(chosen, profile); ++i)
-    if (sectionOf(chosen, profile, i) == nullptr)
+  const std::vector<const Message*> places = placesOf(chosen, profile);
+  for (std::size_t i = 0; i < places.size(); ++i)
+    if (sectionNamed(*places[i], chosen.name) == nullptr)
       return fieldError(
-          (chosen.inLayers() ? fmt::format("layers[{}].", i) : "") + std::string(chosen.name),
+          (chosen.inLayers() ? layerPath(profile, i) + "." : "") + std::string(chosen.name),
           "is missing, and axial_model is " + pb::Profile::AxialModel_Name(profile.axial_model()));
 
   for (const AxialEntry* model : axialEntries()) {
     const AxialSection& own = model->section;
     if (own.may_be_synthetic.empty()) continue;
-    const Message* const section = sectionOf(own, profile, 0);
+    const Message* const section = sectionNamed(profile, own.name);
     if (section == nullptr) continue;
     const auto* synthetic = fieldOfRow(*section, "synthetic");
     for (int i = 0; i < section->GetReflection()->FieldSize(*section, synthetic); ++i) {
@@ -329,10 +360,11 @@ void putModel(const SceneSpec& spec, pb::Profile& profile) {
   profile.set_axial_model(messageOf(spec.axial_model));
   const AxialSection& own = axialEntry(spec.axial_model).section;
   SceneSpec from = spec;  // the accessors take a scene that can be changed
-  for (int k = 0; k < countOf(own, profile); ++k) {
-    const auto i = static_cast<std::size_t>(k);
+  const std::vector<pb::Layer*> layers = own.inLayers() ? profileLayers(profile) : std::vector<pb::Layer*>();
+  const std::size_t count = own.name.empty() ? 0 : own.inLayers() ? layers.size() : 1;
+  for (std::size_t i = 0; i < count; ++i) {
     if (own.inLayers() && !own.isIn(from.layers.at(i))) continue;
-    Message& of = own.inLayers() ? static_cast<Message&>(*profile.mutable_layers(k)) : profile;
+    Message& of = own.inLayers() ? static_cast<Message&>(*layers[i]) : profile;
     Message* const section = of.GetReflection()->MutableMessage(&of, fieldOfRow(of, own.name));
     putFields(own.fields, from, i, *section);
     if (own.table.empty()) continue;

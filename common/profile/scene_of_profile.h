@@ -13,9 +13,9 @@ namespace needlelab {
 struct AxialEntry;
 struct EffectEntry;
 
-/// The skin's surface in the profile's frame; a plane's normal gets length 1. Errors: kInvalidInput without a
-/// shape.
-Result<Limb> unitLimbOf(const pb::Limb& limb);
+/// The skin's surface in the profile's frame; a plane's normal gets length 1. Compiles a volume. Errors:
+/// kInvalidInput without a shape, or those of a volume.
+Result<Limb> unitLimbOf(const pb::Profile& profile);
 
 /// A profile's needle as numbers: `outer_diameter_m` as given, else from the gauge; 0 if neither is given.
 NeedleSpec needleOf(const pb::Needle& needle);
@@ -28,8 +28,9 @@ inline Vec3 vectorOf(const pb::Vector3& v) {
 LayerSpec layerOf(const pb::Layer& layer);
 
 /// The scene for the engine, with the limb placed in W by `X_WL` (L: the frame of the profile's coordinates).
-/// Errors: kInvalidInput, when the profile (one that did not come from `parseProfile`) or the placement is
-/// not valid, or has a volume.
+/// A volume becomes a body, and its structures the layers, in their order and with a thickness that means
+/// nothing. Errors: kInvalidInput, when the profile (one that did not come from `parseProfile`) or the
+/// placement is not valid.
 Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL = {});
 
 /// Replaces the profile's axial model by the named one, as given on the command line. If the profile has no

@@ -17,11 +17,11 @@ constexpr std::uint8_t tag(int number, std::uint8_t kind) {
 constexpr std::uint8_t kEnvelopeLiveFrame = tag(3, kBytes);
 constexpr std::uint8_t kStation = tag(1, kBytes), kSession = tag(2, kBytes), kSeq = tag(3, kVarint),
                        kData = tag(4, kBytes), kDue = tag(5, kVarint), kCapture = tag(6, kVarint),
-                       kCuts = tag(8, kBytes);
+                       kCuts = tag(8, kBytes), kPaths = tag(9, kBytes);
 static_assert(pb::LiveFrame::kStationFieldNumber == 1 && pb::LiveFrame::kSessionIdFieldNumber == 2 &&
               pb::LiveFrame::kFrameSeqFieldNumber == 3 && pb::LiveFrame::kDataFieldNumber == 4 &&
               pb::LiveFrame::kDueSteadyNsFieldNumber == 5 && pb::LiveFrame::kCaptureUnixNsFieldNumber == 6 &&
-              pb::LiveFrame::kCutMemoryFieldNumber == 8);
+              pb::LiveFrame::kCutMemoryFieldNumber == 8 && pb::LiveFrame::kPathsFieldNumber == 9);
 
 std::size_t varintBytes(std::uint64_t value) {
   return (static_cast<std::size_t>(std::bit_width(value | 1)) + 6) / 7;
@@ -90,6 +90,9 @@ std::optional<LiveFrameView> viewLiveFrame(ByteView envelope) {
       case kCuts:
         if (!fields.bytes(frame.cut_memory)) return {};
         break;
+      case kPaths:
+        if (!fields.bytes(frame.paths)) return {};
+        break;
       default:
         return {};
     }
@@ -98,7 +101,7 @@ std::optional<LiveFrameView> viewLiveFrame(ByteView envelope) {
 }
 
 LiveFrameView viewOf(const pb::LiveFrame& frame) {
-  return {frame.session_id(), frame.data(),          frame.cut_memory(),
+  return {frame.session_id(), frame.data(),          frame.cut_memory(),     frame.paths(),
           frame.frame_seq(),  frame.due_steady_ns(), frame.capture_unix_ns()};
 }
 
@@ -106,7 +109,8 @@ Frame encodeLiveFrame(const LiveFrameView& frame, std::string_view station) {
   const auto due = static_cast<std::uint64_t>(frame.due_steady_ns);
   const auto capture = static_cast<std::uint64_t>(frame.capture_unix_ns);
   const std::size_t body = sizeOf(station) + sizeOf(frame.session_id) + sizeOf(frame.frame_seq) +
-                           sizeOf(frame.data) + sizeOf(due) + sizeOf(capture) + sizeOf(frame.cut_memory);
+                           sizeOf(frame.data) + sizeOf(due) + sizeOf(capture) + sizeOf(frame.cut_memory) +
+                           sizeOf(frame.paths);
   const std::size_t whole = 1 + varintBytes(body) + body;
   if (whole > kMaxFrameBytes) return nullptr;
   auto bytes = std::make_shared<std::string>(whole, '\0');
@@ -119,7 +123,8 @@ Frame encodeLiveFrame(const LiveFrameView& frame, std::string_view station) {
   at = putField(at, kData, frame.data);
   at = putField(at, kDue, due);
   at = putField(at, kCapture, capture);
-  putField(at, kCuts, frame.cut_memory);
+  at = putField(at, kCuts, frame.cut_memory);
+  putField(at, kPaths, frame.paths);
   return bytes;
 }
 

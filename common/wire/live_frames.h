@@ -54,7 +54,7 @@ class LiveQueue {
 /// A live frame that the server forwards as bytes, without a message object. Has the fields that a station
 /// fills. Views into the bytes of the received envelope.
 struct LiveFrameView {
-  std::string_view session_id, data, cut_memory;
+  std::string_view session_id, data, cut_memory, paths;
   std::uint64_t frame_seq = 0;
   std::int64_t due_steady_ns = 0, capture_unix_ns = 0;
 };

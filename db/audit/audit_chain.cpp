@@ -111,7 +111,7 @@ Result<AuditKey> AuditKey::ofFolder(const std::filesystem::path& folder) {
   const auto path = folder / kAuditKeyFile;
   auto found = ofFile(path);
   if (found || found.error().code != ErrorCode::kNotFound) return found;
-  if (sodium_init() < 0) return Error{ErrorCode::kFailed, "there is no source of random numbers"};
+  if (sodium_init() < 0) return Error{ErrorCode::kFailed, "the system has no source of random numbers"};
   Hash key{};
   randombytes_buf(key.data(), key.size());
   RETURN_IF_ERROR(writeFileAtomically(path, key, 0600));

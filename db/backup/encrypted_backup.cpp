@@ -58,7 +58,7 @@ class Hash {
 };
 
 Status ready() {
-  if (sodium_init() < 0) return Error{ErrorCode::kFailed, "there is no source of random numbers"};
+  if (sodium_init() < 0) return Error{ErrorCode::kFailed, "the system has no source of random numbers"};
   return {};
 }
 

@@ -45,7 +45,7 @@ CREATE VIEW accounts AS
   FROM names n JOIN people p ON p.id = n.person WHERE n.typed = 0;
 CREATE VIEW called AS
   SELECT p.ref, n.name, n.folded, n.full_name, n.typed FROM names n JOIN people p ON p.id = n.person;
--- What was typed at a station and is an account's name by now: lists of trainees show the account.
+-- Names that were typed at a station and are an account's by now: lists of trainees show the account.
 CREATE VIEW names_taken AS
   SELECT p.ref FROM names n JOIN people p ON p.id = n.person
   WHERE n.typed = 1 AND EXISTS (SELECT 1 FROM names a WHERE a.folded = n.folded AND a.typed = 0);
@@ -92,7 +92,7 @@ CREATE TABLE exercises (
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX exercises_by_curriculum ON exercises (curriculum_id, position);
 
--- Exactly one of course and exercise, and one of group and trainee; each pair once, whichever the columns that are NULL. A due date
+-- Exactly one of course and exercise, and one of group and trainee; each pair once, also where columns are NULL. A due date
 -- has no time zone.
 CREATE TABLE assignments (
   id              INTEGER PRIMARY KEY AUTOINCREMENT,   -- never used again
@@ -188,7 +188,7 @@ CREATE INDEX sessions_by_verdict ON sessions (trainee, exercise_id, coalesce(pas
 -- beside its own, and not the session's row, whose profile makes it two pages long.
 --
 -- Exactly the sessions with state 1 (open) have a row here; sessions.chunks, samples and stored_bytes are 0 meanwhile. The
--- triggers see to that, whoever opens or ends a session: the final numbers go into its row as its state changes.
+-- triggers keep it so, for every program that opens or ends a session: the final numbers go into its row as its state changes.
 CREATE TABLE session_progress (
   session      INTEGER PRIMARY KEY REFERENCES sessions (number),
   chunks       INTEGER NOT NULL DEFAULT 0 CHECK (chunks >= 0),
@@ -260,7 +260,7 @@ CREATE TABLE audit_chain (
 ) STRICT;
 CREATE INDEX audit_chain_lines ON audit_chain (line);
 
--- What was done with the syringe in each closed session: needlelab.pb.SyringeEvent, one row each, in order
+-- The use of the syringe in each closed session: needlelab.pb.SyringeEvent, one row each, in order
 -- of time. Worked out by the server from the committed samples; a place is that of the needle's opening, in W.
 CREATE TABLE session_events (
   session                 INTEGER NOT NULL REFERENCES sessions (number),
@@ -324,7 +324,7 @@ CREATE TABLE retention_policies (
 ) STRICT, WITHOUT ROWID;
 
 -- The thinned recording of a session. complete = 0: it is being written, and of no account (a crash may leave it: it is
--- removed and begun anew). It is complete exactly when sessions.recording = 2.
+-- removed and begun again). It is complete exactly when sessions.recording = 2.
 CREATE TABLE derived_recordings (
   session         INTEGER PRIMARY KEY REFERENCES sessions (number),
   complete        INTEGER NOT NULL CHECK (complete IN (0, 1)),
@@ -349,7 +349,7 @@ CREATE TABLE derived_chunks (
   PRIMARY KEY (session, seq)
 ) STRICT;
 
--- What is known of an original that retention has taken away. crcs: the CRC of each of its chunks in order, u32 little-endian,
+-- The facts about an original that retention has taken away. crcs: the CRC of each of its chunks in order, u32 little-endian,
 -- so that a station that sends one again can still be told "known" from "contradiction".
 CREATE TABLE removed_originals (
   session         INTEGER PRIMARY KEY REFERENCES sessions (number),
@@ -386,7 +386,7 @@ CREATE TABLE exercise_references (
   PRIMARY KEY (exercise_id, revision)
 ) STRICT, WITHOUT ROWID;
 
--- Who was erased. DIR/erasures holds the same, so that a restored backup, which knows the person again, can be told from this one
+-- The erased people. DIR/erasures holds the same, so that a restored backup, which knows the person again, can be told from this one
 -- (erasure.h).
 CREATE TABLE erasures (
   uuid            BLOB PRIMARY KEY CHECK (length(uuid) = 16),
@@ -403,8 +403,8 @@ CREATE TABLE erased_names (
 ) STRICT, WITHOUT ROWID;
 
 -- Sessions that wait, or waited, for a manager to assign them to the right person: a station without its server takes any name. A
--- session is nobody's (no row) with an empty name or as 'guest'.
--- code_unchecked: why it waits: 0: nobody had its trainee's name when it came; 1: the account existed, but nobody gave its code; or,
+-- session has no trainee (no row) with an empty name or as 'guest'.
+-- code_unchecked: why it waits: 0: no account had its trainee's name when it came; 1: the account existed, but its code was not given; or,
 -- with begin_unsure, the station's clock was wrong, and whose attempt it is cannot be said before somebody says when it began; or, with
 -- not_assigned, it came of an exercise that is assigned only, and was not assigned to the trainee then.
 CREATE TABLE unknown_trainees (
@@ -419,15 +419,15 @@ CREATE TABLE unknown_trainees (
 ) STRICT;
 CREATE INDEX unknown_trainees_waiting ON unknown_trainees (session) WHERE by_whom IS NULL;
 CREATE INDEX unknown_trainees_by_given ON unknown_trainees (given);
--- The sessions that count for nobody until a manager assigns them: a session without its trainee's code is not the trainee's. Others
+-- The sessions that count for no one until a manager assigns them: a session without its trainee's code is not the trainee's. Others
 -- that wait are listed under their typed name.
 CREATE VIEW uncounted_sessions AS
   SELECT session FROM unknown_trainees WHERE by_whom IS NULL AND code_unchecked = 1;
 
 -- What the lists of results need, so that they read what they show and not all sessions.
 --
--- What a session adds to the sums of its trainee and exercise. One whose code nobody gave adds itself alone: its trainee is listed all
--- the same.
+-- What a session adds to the sums of its trainee and exercise. One without its code adds itself alone: its trainee is
+-- still listed.
 CREATE VIEW attempt_shares AS
   SELECT session, exercise_id, trainee, attempts, CASE WHEN excused = 0 THEN attempts ELSE 0 END AS counted,
     CASE WHEN excused = 0 AND passed IS NOT NULL THEN attempts ELSE 0 END AS judged,
@@ -448,7 +448,7 @@ CREATE TABLE attempt_sums (
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX attempt_sums_by_trainee ON attempt_sums (trainee);
 
--- Whatever changes a session's share takes the share from the sums before and adds it after: sign -1, then 1.
+-- Each change of a session's share subtracts the share from the sums before and adds it after: sign -1, then 1.
 CREATE VIEW attempt_steps AS SELECT 0 AS session, 0 AS sign;
 CREATE TRIGGER attempt_steps_taken INSTEAD OF INSERT ON attempt_steps BEGIN
   INSERT INTO attempt_sums (exercise_id, trainee, sessions, attempts, counted, judged, passed)
@@ -495,8 +495,8 @@ CREATE TRIGGER unknown_trainees_sum_after_delete AFTER DELETE ON unknown_trainee
 END;
 
 -- Which server has a station, where several work on one database: each log-in of the station raises its epoch, and
--- whatever stores something of its sessions asks within its own transaction whether its epoch is still the newest. Without other servers
--- nobody writes a row.
+-- every transaction that stores something of its sessions asks whether its epoch is still the newest. Without other servers
+-- no row is written.
 CREATE TABLE station_claims (
   station       TEXT PRIMARY KEY REFERENCES stations (name),
   epoch         INTEGER NOT NULL CHECK (epoch > 0),
@@ -532,7 +532,7 @@ CREATE TABLE login_tokens (
 CREATE INDEX login_tokens_by_name ON login_tokens (name);
 CREATE INDEX login_tokens_by_end ON login_tokens (expires_ns);
 
--- Failures, and where somebody has logged in. The keys are keyed hashes: what is typed as a name may be a password.
+-- Failures, and addresses with a log-in. The keys are keyed hashes: a typed name may be a password.
 CREATE TABLE login_attempts (
   kind          INTEGER NOT NULL,            -- LoginRow::Kind
   key           BLOB NOT NULL CHECK (length(key) = 32),

@@ -150,7 +150,7 @@ Result<PseudonymKey> PseudonymKey::ofFolder(const std::filesystem::path& folder)
   Hash key{};
   std::error_code error;
   if (!std::filesystem::exists(path, error)) {
-    if (sodium_init() < 0) return Error{ErrorCode::kFailed, "there is no source of random numbers"};
+    if (sodium_init() < 0) return Error{ErrorCode::kFailed, "the system has no source of random numbers"};
     randombytes_buf(key.data(), key.size());
     RETURN_IF_ERROR(writeFileAtomically(path, key, 0600));
     return PseudonymKey(key);

@@ -4,8 +4,9 @@ set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
-# Most of the code waits for a disk, a network or a person: -O1 takes a third off its compile time. Code in the haptic
-# tick or that computes for long is marked OPTIMISED (NeedlelabTargets.cmake) and gets -O2.
+# Most of the code waits for a disk, a network or a person: -O1 is enough, and compiles a little faster than -O2. Processor
+# time of net, db, service and server_live: 102.2 s instead of 108.6 s (6 %); of service alone 56.6 s instead of 57.9 s. Code
+# in the haptic tick or that computes for long is marked OPTIMISED (NeedlelabTargets.cmake) and gets -O2.
 set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O1 -g1 -DNDEBUG")
 set(CMAKE_CXX_FLAGS_DEBUG "-O0 -g1")
 if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "common/base/text/text.h"
-#include "server/live/hub/live_thinning.h"
+#include "server/live/hub/rate_reduction.h"
 #include "server/together/remote_live.h"
 
 namespace needlelab {
@@ -12,7 +12,7 @@ namespace {
 
 bool isRate(double rate_hz) {
   return rate_hz == 0 ||
-         std::find(kThinnedRates_hz.begin(), kThinnedRates_hz.end(), rate_hz) != kThinnedRates_hz.end();
+         std::find(kReducedRates_hz.begin(), kReducedRates_hz.end(), rate_hz) != kReducedRates_hz.end();
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ constexpr const char* kInnerSchemas = R"json({
   "comparison": {"type": ["array", "null"], "description": "null: there is none", "items": {"type": "object",
     "properties": {"measure": {"type": "string"}, "value": {"type": "number"}, "unit": {"type": "string"},
       "n": {"type": "integer"}, "least": {"type": "number"}, "greatest": {"type": "number"},
-      "place": {"enum": ["below", "within", "above", null], "description": "null: nothing is said"}, "better": {"type": "string"}, "words": {"type": "string"}},
+      "place": {"enum": ["below", "within", "above", null], "description": "null: no statement"}, "better": {"type": "string"}, "words": {"type": "string"}},
     "required": ["measure", "value", "unit", "n", "least", "greatest", "place", "better", "words"],
     "additionalProperties": false}},
   "progress": {"type": ["array", "null"], "description": "null: there is none", "items": {"type": "object",

@@ -340,7 +340,7 @@ def pause(lab, proxy, name):
     told = lab.metric("needlelab_stations_deposed_total", name) - deposed
     lab.nothing_missing()
     print(f"it continues and acknowledges nothing; {told:.0f} connections were told that they are deposed", flush=True)
-    # it is restarted, like the other one before
+    # it is restarted, as the other server was
     lab.servers[name].terminate()
     if lab.servers[name].wait(60) != 0:
         raise Failed(f"server {name} ended with {lab.servers[name].returncode}")

@@ -108,7 +108,7 @@ class AckTimes:
 
 
 def missing(committed, stored):
-    """What is acknowledged but not stored, as text. Both: chunks by session."""
+    """Chunks that are acknowledged but not stored, as text. Both: chunks by session."""
     return [f"session {one}: {count} chunks were acknowledged, {stored.get(one, 0)} are there"
             for one, count in committed.items() if stored.get(one, 0) < count]
 

@@ -11,8 +11,8 @@ def rows(lab):
         done = subprocess.run(["curl", "-sS", "--cacert", str(lab.ca), "--max-time", "60", f"https://localhost:{port}/"], capture_output=True, text=True, check=False)
         return done.stdout + done.stderr
 
-    yield "a browser at the stations' port is told the console's", lambda: "" if f"port {lab.web}" in (got := curl(lab.port)) else got
-    yield "a program at the browsers' port is told", lambda: says(lab.admin("user", "list", port=lab.web), 2, "the port for browsers")
+    yield "a browser at the stations' port learns the console's", lambda: "" if f"port {lab.web}" in (got := curl(lab.port)) else got
+    yield "a program at the browsers' port learns of it", lambda: says(lab.admin("user", "list", port=lab.web), 2, "the port for browsers")
 
     def from_page(origin, host):
         return lab.http(f"POST /api/v1/groups HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\nContent-Length: 2\r\nConnection: close\r\n\r\n{{}}")
@@ -51,5 +51,5 @@ def rows(lab):
         return "" if code == 0 and "stopping" in text else f"exit {code}"
 
     yield "SIGHUP ends the server as SIGTERM does", hang_up
-    yield "a similar name is told in a lab without assignments", lambda: says(
+    yield "a similar name is suggested in a lab without assignments", lambda: says(
         lab.station("--trainee", "tomm", "--exercise", "shoulder-bursa", "--seconds", "1"), 1, "Did you mean 'tom'?")

@@ -41,10 +41,13 @@ void chunk(ByteView data) {
   }
   // Any decoded values can be encoded again, and come back bit for bit if nothing is rounded.
   const Bytes cuts = cutMemoryOf(data);
-  require(cuts.empty() == (info->version == 1) && cuts.size() <= kMaxCutMemoryBytes,
+  const Bytes paths = pathListOf(data);
+  require((info->version != 1 || cuts.empty()) && (info->version != 2 || !cuts.empty()) &&
+              cuts.size() <= kMaxCutMemoryBytes,
           "version 2 has a memory, and a short one");
-  const Bytes again = encodeChunk(Resolution{0, 0, 0, 0, 0, 0}, *samples, cuts);
-  require(cutMemoryOf(again) == cuts, "the memory comes back");
+  require(paths.empty() == (info->version < 3) && paths.size() <= kMaxPathsBytes, "version 3 has paths");
+  const Bytes again = encodeChunk(Resolution{0, 0, 0, 0, 0, 0}, *samples, cuts, paths);
+  require(cutMemoryOf(again) == cuts && pathListOf(again) == paths, "memory and paths come back");
   const auto back = decodeChunk(again);
   require(back.ok() && back->size() == samples->size(), "decoded samples can be encoded");
   require(std::memcmp(&back->front().p_WT_m, &samples->front().p_WT_m, sizeof back->front().p_WT_m) == 0,

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "common/gesture/chunk.h"
+#include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/wire/live_frames.h"
 #include "server/live/hub/hub.h"
@@ -86,6 +87,7 @@ void live(ByteView data) {
                                             : op.number);
         frame.set_data(rest.data(), rest.size());
         if (op.number % 7 == 0) frame.set_cut_memory(rest.data(), rest.size());
+        if (op.number % 11 == 0) frame.set_paths(rest.data(), rest.size());
         // As in the server: bytes that are exactly a live frame are forwarded, all others are decoded.
         pb::Envelope envelope;
         *envelope.mutable_live_frame() = frame;
@@ -105,12 +107,19 @@ void live(ByteView data) {
           const Bytes again = encodeCuts(*cuts);
           require(textOf(again) == view->cut_memory, "the memory of the cut reads and writes the same");
         }
+        // a path that a viewer takes is written with the same bytes
+        for (const PathSnapshot& path : pathsIn(needlelab::viewOf(view->paths))) {
+          const auto same_path = decodePath(encodePath(path));
+          require(same_path.ok() && encodePath(*same_path) == encodePath(path),
+                  "paths read and write the same");
+        }
         const auto whole = decodeFrame(rest);
         require(whole.ok() && whole->has_live_frame(), "what is passed on is a live frame to Protobuf, too");
         const pb::LiveFrame& same = whole->live_frame();
         require(same.session_id() == view->session_id && same.data() == view->data &&
                     same.frame_seq() == view->frame_seq && same.due_steady_ns() == view->due_steady_ns &&
-                    same.capture_unix_ns() == view->capture_unix_ns && same.cut_memory() == view->cut_memory,
+                    same.capture_unix_ns() == view->capture_unix_ns &&
+                    same.cut_memory() == view->cut_memory && same.paths() == view->paths,
                 "both ways read the same");
         (void)hub.onLiveFrame(name, *view, now_ns);
         break;

@@ -194,14 +194,14 @@ def stores_page(runs_of, about):
     return (
         head_of(runs_of, about, f"{stations:,} stations on each store, and half of them on two servers") +
         "**Two cores cannot show how any of it "
-        "scales**, and two servers here take from each other what one would have. Whatever is watched at the other server passes two servers and NATS; two cores have no room for that and "
+        "scales**, and two servers here take from each other what one would have. A station watched at the other server passes two servers and NATS; two cores have no room for that and "
         f"{stations:,} stations, so the rows with two servers have half of them, as one with one server has for comparison. Each of two servers has half of those, \"server cores\" are of both, \"server MiB\" of the larger one, "
         "and each viewer watches as many stations of its own server as of the other one (\"… elsewhere\": those alone). "
         "\"Wrong\" are samples lost, doubled, different or strange; of these counts the most of any run.\n\n" + table(runs_of, OF_STORES) +
         "\n## What a second of one station costs\n\n"
         "Each process over the streaming, divided by stations × seconds of the whole run (of servers a and b together that is a station's cost). Log bytes: PostgreSQL's log (WAL). "
         "Bytes to disk: pages that became dirty, by the kernel's count; a page that is written again after a sync counts again. Bytes sent and received: of a server to and from stations, viewers and NATS, "
-        "without TLS; of PostgreSQL its log to the standby (what goes between it and the servers is not counted); of NATS what its messages hold. Messages: of a server what it parsed, frames and "
+        "without TLS; of PostgreSQL its log to the standby (its traffic with the servers is not counted); of NATS what its messages hold. Messages: of a server what it parsed, frames and "
         "acknowledgements; what servers say of their stations counts at NATS. Log-ins before and scoring after are not part.\n\n" + costs_table(runs_of))
 
 

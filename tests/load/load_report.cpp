@@ -214,11 +214,11 @@ std::vector<Finding> judgeLoad(const LoadResult& r, const SoakLimits& limits) {
       zero("sessions not closed as complete",
            r.options.stations - std::min<std::uint64_t>(r.options.stations, r.stations_closed) +
                r.stored.not_complete),
-      zero("sessions or chunks that nobody made", r.stored.stray),
+      zero("sessions or chunks that no station made", r.stored.stray),
   };
   for (const auto* words : {&r.stored.faults, &r.troubles})
     for (const std::string& text : *words)
-      findings.push_back({"trouble that was said", text, "none", Verdict::kBad});
+      findings.push_back({"reported trouble", text, "none", Verdict::kBad});
 
   const auto rows = judgedRows(r);
   if (!rows.empty()) {

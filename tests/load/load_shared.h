@@ -44,7 +44,7 @@ struct LoadShared {
   /// Samples of a live frame, and of a chunk.
   static constexpr std::uint64_t kFrameTicks = 20, kChunkTicks = 1000;
 
-  /// `client`, with its servers from this one on, followed by those before it.
+  /// `client`, with its servers rotated: this one is the first.
   [[nodiscard]] ClientConfig clientOf(std::size_t server) const {
     Endpoints all = client.servers();
     std::rotate(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(server % all.size()), all.end());

@@ -1,5 +1,5 @@
-// Two servers of users' programs on one NATS. Each has a folder of its own: what they share here is the live
-// plane only.
+// Two servers of users' programs on one NATS. Each has a folder of its own: they share only the live
+// plane.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -33,14 +33,14 @@ def results(held, facts, lab, now_ns):
         for screen, rows in (("admin results", table(lab.admin("results", course, zone=ZONES[0]).stdout)),
                              ("admin results --json", lab.admin_rows("results", course))):
             who = "TRAINEE" if "json" not in screen else "trainee"
-            held.same(screen, "who is listed", course, names, [row[who] for row in rows])
+            held.same(screen, "people listed", course, names, [row[who] for row in rows])
             for row in rows:
                 for ident in ids:
                     held.same(screen, "verdict, attempts, left, overdue", f"{row[who]} {ident}",
                               cell_text(facts, row[who], ident, now_ns), row[ident])
         for group, members in facts.members.items():
             rows = lab.admin_rows("results", course, "--group", group)
-            held.same("admin results --group", "who is listed", group, members, [row["trainee"] for row in rows])
+            held.same("admin results --group", "people listed", group, members, [row["trainee"] for row in rows])
         tables(held, facts, lab, course, names)
 
 

@@ -140,7 +140,7 @@ class Gesture:
         return tuple((self.depth(p) - wanted) * x for x in out)
 
     def from_target(self, target, p):
-        """A point's distance from the ball or from its tissues, whichever is greater; at most 0: in the target."""
+        """A point's distance from the ball or from its tissues, the greater of both; at most 0: in the target."""
         _, centre, radius, spans = target
         depth = self.depth(p)
         beside = min((max(top - depth, depth - bottom) for top, bottom in spans), default=-math.inf)
@@ -415,7 +415,7 @@ def motion(g, runs, result):
         rank = (bool(within), (span[1] - span[0]) * r.period_s)
         if longest is None or rank > longest[0]:
             longest = (rank, r.speed[span[0]:span[1] + 1], r.period_s)
-    # for each movement of the tip that reaches into tissue (for all if none does), by its length; for the whole if there are none
+    # for each movement of the tip that reaches into tissue (for all if none does), by its length; for the whole if none is found
     arcs = []
     for r in runs:
         for first, last, way in movements(chords(r.tip, len(r.steps)), r.period_s, *TIP_MOVES):

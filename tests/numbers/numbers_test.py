@@ -172,7 +172,7 @@ def self_check(options, held):
     with tempfile.TemporaryDirectory(prefix="needlelab-numbers-") as folder:
         lab = Lab(newest_class(options.class_folder), options.bin, folder)
         lab.settle()
-        # what is changed, the screen that shows it, and the function that checks that screen
+        # the change, the screen that shows it, and the function that checks that screen
         changes = {
             "closed an hour later": ("UPDATE sessions SET closed_unix_ns = closed_unix_ns + 3600000000000 WHERE number = 1", "admin session list --json",
                                      commands.sessions),

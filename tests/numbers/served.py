@@ -29,7 +29,7 @@ def results(held, facts, browser, now_ns):
     screen = "GET /results"
     for course in sorted({e["curriculum_id"] for e in facts.exercises.values()}):
         reply = browser.json(f"/results?course={course}")
-        held.same(screen, "who is listed", course, facts.trainees_of(course), [r["trainee"] for r in reply["rows"]])
+        held.same(screen, "people listed", course, facts.trainees_of(course), [r["trainee"] for r in reply["rows"]])
         for row in reply["rows"]:
             for cell in row["cells"]:
                 name, ident = row["trainee"], cell["exercise_id"]

@@ -174,7 +174,7 @@ std::vector<Finding> judge(const SoakData& data, const SoakOptions& options, con
             0));
   findings.push_back(equal("connections that the uplink made", number("connections"), 1));
   for (const std::string& trouble : data.troubles)
-    findings.push_back({"trouble that was said", trouble, "none", Verdict::kBad});
+    findings.push_back({"reported trouble", trouble, "none", Verdict::kBad});
 
   // reported only: they depend on other programs on the machine
   const double ticks = std::max(1.0, static_cast<double>(number("ticks")));

@@ -214,7 +214,8 @@ class Soak {
     auto text = readWholeFile(out_ / "station.json");
     if (!text.ok()) return failed("the station left no summary", *processes_[kStation]);
     data_.summary = nlohmann::json::parse(*text, nullptr, false);
-    if (!data_.summary.is_object()) return failed("the station's summary is none", *processes_[kStation]);
+    if (!data_.summary.is_object())
+      return failed("the station's summary is not a JSON object", *processes_[kStation]);
 
     ASSIGN_OR_RETURN(const auto id, parseUuid(data_.summary.value("session_id", "")));
     RETURN_IF_ERROR(reconnect());

@@ -31,12 +31,12 @@ def limits(source):
     with open(table, encoding="utf-8") as file:
         rows = [line.split("\t") for line in file.read().splitlines()[1:]]
     faults = [f"limits.tsv: no attack is given for {name}" for name in sorted(names - {row[0] for row in rows})]
-    faults += [f"limits.tsv: there is no limit {row[0]}" for row in rows if row[0] not in names]
+    faults += [f"limits.tsv: {row[0]} is not a limit" for row in rows if row[0] not in names]
     for name, _, path, test in rows:
         path = os.path.join(source, path)
         text = open(path, encoding="utf-8").read() if os.path.exists(path) else ""
         if not re.search(rf"^TEST(?:_F|_P)?\(\w+, {test}\)", text, re.M):
-            faults.append(f"limits.tsv: {name}: there is no test {test}")
+            faults.append(f"limits.tsv: {name}: test {test} is missing")
     return faults
 
 
@@ -50,7 +50,7 @@ def check(source):
     for number, line in enumerate(lines, 1):
         paths = PATH.findall(line)
         faults += [
-            f"SECURITY.md:{number}: there is no {path}" for path in paths if not os.path.exists(os.path.join(source, path))
+            f"SECURITY.md:{number}: {path} is missing" for path in paths if not os.path.exists(os.path.join(source, path))
         ]
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
         if not line.startswith("|") or len(cells) != 3 or cells[0] == "against" or set(cells[0]) == {"-"}:

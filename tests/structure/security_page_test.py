@@ -31,8 +31,8 @@ class SecurityPage(unittest.TestCase):
         self.assertEqual(self.faults(), [])
 
     def test_a_file_that_is_gone_is_named_with_its_line(self):
-        self.assertEqual(self.faults(missing=("db/b.cpp",)), ["SECURITY.md:5: there is no db/b.cpp"])
-        self.assertEqual(self.faults(missing=("deploy/c",)), ["SECURITY.md:5: there is no deploy/c"])
+        self.assertEqual(self.faults(missing=("db/b.cpp",)), ["SECURITY.md:5: db/b.cpp is missing"])
+        self.assertEqual(self.faults(missing=("deploy/c",)), ["SECURITY.md:5: deploy/c is missing"])
 
     def test_a_promise_without_a_test_is_named(self):
         for held in ("", "`tests/`", "`db/b.cpp`", "`tests/gone_test.cpp`"):

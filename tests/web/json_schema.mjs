@@ -74,7 +74,7 @@ function objectFaults(schema, value, root, path) {
   return faults;
 }
 
-/** The schema of a reply; undefined: there is none of that status, or it is no JSON. */
+/** The schema of a reply; undefined: none of that status, or not JSON. */
 export function replySchema(api, method, pattern, status) {
   const responses = api.paths[pattern]?.[method.toLowerCase()]?.responses;
   const reply = responses?.[status] ?? (status >= 300 ? responses?.default : undefined);

@@ -1,4 +1,4 @@
-// What may be typed as a document, and the text and the form that change one document.
+// Text that is accepted as a document, and the text and the form that change one document.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
@@ -62,7 +62,7 @@ test('a text that is a document goes along with the form, and the form with it',
   assert.deepEqual(withDocument(begun, b), textOf(b));
   const [typed, document] = withText(begun, '{"a":2}');
   assert.deepEqual(document, { a: 2 });
-  // the document is that of the text: what was typed stays as it was typed
+  // the document is that of the text, which stays as it was typed
   assert.equal(withDocument(typed, b).text, '{"a":2}');
   assert.equal(withDocument(typed, a).text, a, 'changed back elsewhere');
 });

@@ -74,7 +74,7 @@ function logIn(lab, { name, password }) {
   return token;
 }
 
-/** Only administrators are told; a test may set `lab.disk_room` and `lab.store`. */
+/** Only administrators see it; a test may set `lab.disk_room` and `lab.store`. */
 const roomFor = (lab, { role }) =>
   role === 'ADMINISTRATOR'
     ? {

@@ -112,6 +112,15 @@ test('names and sizes as people read them', () => {
   assert.equal(plain(bytes(512, 'en')), '512 B');
 });
 
+test('the layers of a volume are its structures, by their names or ids', () => {
+  const structures = [
+    { id: 'dermis', layer: { tissue: 'SKIN', name: 'skin' } },
+    { id: 'fat', layer: { tissue: 'FAT' } },
+  ];
+  assert.deepEqual(layerNames({ volume: { structures } }), ['skin', 'fat']);
+  assert.deepEqual(layerNames({ volume: { structures: [null, { id: 5 }] } }), ['', '']);
+});
+
 test('layers are called as the programs in C++ call them', () => {
   const rows = JSON.parse(readFileSync(new URL('../data/profile/layer_names.json', import.meta.url), 'utf8'));
   assert.ok(rows.length >= 6);

@@ -25,6 +25,7 @@
 #include <cstdint>
 #include <numbers>
 
+#include "common/base/units.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/geometry.h"
 
@@ -44,8 +45,7 @@ inline constexpr double kFootAside_m = 0.0010;
 
 /// φ_i, leg 0 nearly on top, 1 on the user's right, 2 on the left below: [MH] 15°, 255°, 135° from the upward
 /// axis's view, [LN] 105°, −15°, −135° from x. All legs are turned by 15° ([LN]).
-inline constexpr std::array<double, 3> kLegAngle_rad = {
-    105 * std::numbers::pi / 180, -15 * std::numbers::pi / 180, -135 * std::numbers::pi / 180};
+inline constexpr std::array<double, 3> kLegAngle_rad = {radOf(105), radOf(-15), radOf(-135)};
 
 // encoders: on the motors' shafts
 inline constexpr int kEncoderSlots = 320;                 ///< FACTS, [MH], [LN]
@@ -55,7 +55,7 @@ inline constexpr double kGearRatio = 7.62;                ///< motor turns per t
 inline constexpr double kCountsPerRad = kCountsPerTurn * kGearRatio / (2 * std::numbers::pi);
 /// θ where a homed encoder reads 0. [LN] 35°, [MH] 50°, a user of both measured 40°: we use 40°, and ±10° of
 /// it is [A]. That moves the origin along z by about 5 mm and changes lengths by a few per cent.
-inline constexpr double kThetaAtZero_rad = 40 * std::numbers::pi / 180;
+inline constexpr double kThetaAtZero_rad = radOf(40);
 /// A thigh's stops, slightly outside the range in [MH] (±1600 counts, ±59°).
 inline constexpr double kThetaMin_rad = kThetaAtZero_rad - 1700 / kCountsPerRad;
 inline constexpr double kThetaMax_rad = kThetaAtZero_rad + 1700 / kCountsPerRad;

@@ -12,6 +12,7 @@
 
 #include "client/device/recording/recording_device.h"
 #include "common/haptics/scene_model.h"
+#include "common/haptics/surface.h"
 
 namespace needlelab {
 namespace {
@@ -62,11 +63,13 @@ Error invalid(const std::string& why) {
   return {ErrorCode::kInvalidInput, "--hand-plan: " + why};
 }
 
-// the surface point for a hand without a target
+// the surface point for a hand without a target; in a body the one nearest to its own origin, which authors
+// put where the needle goes in
 Vec3 referencePoint(const Limb& limb) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return plane->point_m;
   if (const auto* sphere = std::get_if<SphereLimb>(&limb))
     return sphere->center_m + outwardNormal(limb, sphere->center_m) * sphere->radius_m;
+  if (const auto* body = std::get_if<BodyLimb>(&limb)) return nearestSkin(limb, body->X_WL.p, {0, 0, -1});
   const auto& capsule = std::get<CapsuleLimb>(limb);
   const Vec3 middle = (capsule.a_m + capsule.b_m) * 0.5;
   return middle + outwardNormal(limb, middle) * capsule.radius_m;
@@ -100,6 +103,8 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
   if (by_depth) {
     double depth = 0;
     for (const LayerSpec& layer : scene.layers) depth += layer.thickness_m;
+    // a body's structures have no thickness
+    if (std::holds_alternative<BodyLimb>(scene.limb)) depth = scene.needle_length_m;
     depth = std::min(depth / 2, 0.8 * scene.needle_length_m);
     if (!argument.empty()) {
       const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), depth);
@@ -120,12 +125,12 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
   }
   if (!(signedDepth(scene.limb, named->center_W_m) > 0))
     return invalid("target '" + named->name + "' is not inside the limb");
-  if (kind == "retry") return retryPlan(scene.limb, named->center_W_m, kMiss_rad, style);
+  if (kind == "retry") return retryPlan(scene.limb, named->center_W_m, kMiss_rad, style, named->entry_W_m);
   if (options.skill) {
     HandRandom random(options.seed);
     return attemptPlan(skillOf(*options.skill), scene.limb, named->center_W_m, random, named->entry_W_m);
   }
-  return targetPlan(scene.limb, named->center_W_m, style);
+  return targetPlan(scene.limb, named->center_W_m, style, named->entry_W_m);
 }
 
 }  // namespace
@@ -212,7 +217,7 @@ std::optional<Vec3> markedEntry(const Limb& limb_W, const Pose& X_WL) {
 HandPlan attemptPlan(const HandSkill& skill, const Limb& limb_W, Vec3 target_W_m, HandRandom& random,
                      std::optional<Vec3> entry_W_m) {
   const Vec3 n = outwardNormal(limb_W, target_W_m);
-  const Vec3 meant = entry_W_m ? *entry_W_m : target_W_m + n * depthBelow(limb_W, target_W_m);
+  const Vec3 meant = entry_W_m ? *entry_W_m : skinAbove(limb_W, target_W_m, n);
   const Vec3 back = normalized(meant - target_W_m);
   const Vec3 side = normalized(cross(back, std::abs(back.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
   const Vec3 other = cross(back, side);

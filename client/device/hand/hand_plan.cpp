@@ -4,6 +4,7 @@
 #include <cassert>
 
 #include "common/haptics/scene_model.h"
+#include "common/haptics/surface.h"
 
 namespace needlelab {
 namespace {
@@ -141,6 +142,7 @@ Quat orientationAlong(Vec3 axis) {
 Vec3 outwardNormal(const Limb& limb, Vec3 p_W_m) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return normalized(plane->normal);
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return directionOr(p_W_m - sphere->center_m, kUp);
+  if (std::holds_alternative<BodyLimb>(limb)) return surfaceNormal(limb, p_W_m, -kUp);
   const auto& capsule = std::get<CapsuleLimb>(limb);
   const Vec3 out = p_W_m - nearestOnSegment(capsule.a_m, capsule.b_m, p_W_m);
   if (normSquared(out) > 0) return normalized(out);
@@ -148,6 +150,11 @@ Vec3 outwardNormal(const Limb& limb, Vec3 p_W_m) {
   const Vec3 along = directionOr(capsule.b_m - capsule.a_m, Vec3{1, 0, 0});
   const Vec3 across = kUp - along * dot(along, kUp);
   return directionOr(across, Vec3{1, 0, 0});
+}
+
+Vec3 skinAbove(const Limb& limb, Vec3 p_W_m, Vec3 n) {
+  if (std::holds_alternative<BodyLimb>(limb)) return nearestSkin(limb, p_W_m, -n);
+  return p_W_m + n * depthOf(limb, p_W_m);
 }
 
 HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanStyle& style) {
@@ -163,17 +170,24 @@ HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanSt
   return plan;
 }
 
-HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style) {
+HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
+                    std::optional<Vec3> entry_W_m) {
   const Vec3 n = outwardNormal(limb_W, target_W_m);
+  if (std::holds_alternative<BodyLimb>(limb_W)) {
+    const Vec3 entry = entry_W_m ? *entry_W_m : skinAbove(limb_W, target_W_m, n);
+    return insertionPlan(entry, directionOr(target_W_m - entry, -n), norm(target_W_m - entry), style);
+  }
   const double depth = depthOf(limb_W, target_W_m);
   return insertionPlan(target_W_m + n * depth, -n, depth, style);
 }
 
-HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const PlanStyle& style) {
+HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const PlanStyle& style,
+                   std::optional<Vec3> entry_W_m) {
   const Vec3 n = outwardNormal(limb_W, target_W_m);
-  const double depth = depthOf(limb_W, target_W_m);
-  const Vec3 entry = target_W_m + n * depth;
-  const Vec3 right = -n;
+  const bool in_body = std::holds_alternative<BodyLimb>(limb_W);
+  const Vec3 entry = in_body && entry_W_m ? *entry_W_m : skinAbove(limb_W, target_W_m, n);
+  const double depth = in_body ? norm(target_W_m - entry) : depthOf(limb_W, target_W_m);
+  const Vec3 right = in_body ? directionOr(target_W_m - entry, -n) : -n;
   // any direction across; the miss is small, so the tangent's first terms suffice
   const Vec3 across = normalized(cross(n, std::abs(n.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
   const Vec3 wrong = normalized(right + across * (miss_rad * (1 + miss_rad * miss_rad / 3)));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/haptics/geometry.h"
@@ -72,6 +73,9 @@ Quat orientationAlong(Vec3 axis);
 /// Returns a limb's surface normal, out of the tissue, at the surface point nearest to `p_W_m` (+z if that
 /// point is not unique).
 Vec3 outwardNormal(const Limb& limb, Vec3 p_W_m);
+/// Returns the surface point straight above a point within the limb; `n`: outwardNormal there. In a body the
+/// nearest one.
+Vec3 skinAbove(const Limb& limb, Vec3 p_W_m, Vec3 n);
 
 /// Speeds and times of the ready-made plans.
 struct PlanStyle {
@@ -88,11 +92,14 @@ inline constexpr double kPlungerBeforeAspiration = 0.1;
 /// Goes in along `axis` through `entry` to `depth_m` beyond it, holds, injects, and comes out the same way.
 HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanStyle& style);
 
-/// Goes straight in, by the shortest way, to `target`, a point within the limb; holds, injects, comes out.
-HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style);
+/// Goes straight in, by the shortest way, to `target`, a point within the limb; holds, injects, comes out. In
+/// a body through `entry_W_m`, if there is one: the shortest way may lie through what must not be touched.
+HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
+                    std::optional<Vec3> entry_W_m = std::nullopt);
 
 /// Follows the paper's Fig. 10: goes in `miss_rad` beside the way to the target, comes back by two thirds,
-/// turns to the target, goes in, holds, comes out.
-HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const PlanStyle& style);
+/// turns to the target, goes in, holds, comes out. `entry_W_m` as for targetPlan.
+HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const PlanStyle& style,
+                   std::optional<Vec3> entry_W_m = std::nullopt);
 
 }  // namespace needlelab

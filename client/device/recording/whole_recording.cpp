@@ -38,7 +38,7 @@ std::string holeText(const Piece* before, const Piece* after, const std::string&
   return "all ticks: " + why;
 }
 
-using EachChunk = std::function<Status(std::span<const GestureSample>)>;
+using EachChunk = std::function<Status(std::span<const GestureSample>, ByteView chunk)>;
 
 /// Passes on the samples chunk by chunk and finds the holes.
 class WholeReader {
@@ -73,7 +73,7 @@ class WholeReader {
     hash_.update(bytes);
     pieces_.push_back({entry.offset, samples->front().tick, samples->back().tick});
     samples_ += samples->size();
-    return each_(*samples);
+    return each_(*samples, bytes);
   }
 
   /// Names the ticks around each fault; faults between the same two chunks are one hole.
@@ -178,10 +178,11 @@ Result<std::vector<std::string>> readChunks(const RecordingReader& reader, const
 Result<ReadRecording> readRecording(const std::filesystem::path& path, DamagedRecording damaged) {
   ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
   ReadRecording read;
-  const EachChunk keep = [&](std::span<const GestureSample> samples) -> Status {
+  const EachChunk keep = [&](std::span<const GestureSample> samples, ByteView chunk) -> Status {
     // reserve all at once, because growing would take twice the memory for a while
     if (read.samples.empty()) read.samples.reserve(reader.sampleCount());
     read.samples.insert(read.samples.end(), samples.begin(), samples.end());
+    if (Bytes paths = pathListOf(chunk); !paths.empty()) read.paths.push_back(std::move(paths));
     return {};
   };
   ASSIGN_OR_RETURN(read.holes, readChunks(reader, path, damaged, keep));
@@ -192,10 +193,12 @@ Result<ReadRecording> readRecording(const std::filesystem::path& path, DamagedRe
   return read;
 }
 
-Result<std::vector<std::string>> readRecordingByChunk(const std::filesystem::path& path,
-                                                      DamagedRecording damaged, const EachChunk& each) {
+Result<std::vector<std::string>> readRecordingByChunk(
+    const std::filesystem::path& path, DamagedRecording damaged,
+    const std::function<Status(std::span<const GestureSample>)>& each) {
   ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
-  return readChunks(reader, path, damaged, each);
+  return readChunks(reader, path, damaged,
+                    [&](std::span<const GestureSample> samples, ByteView) { return each(samples); });
 }
 
 bool beginsAsRecording(const std::filesystem::path& path) {

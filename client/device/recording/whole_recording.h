@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
 
@@ -18,6 +19,7 @@ struct ReadRecording {
   std::vector<GestureSample> samples;  ///< all that can be read, in the file's order
   std::vector<std::string> holes;      ///< each names ticks (from–to) and the reason; empty: it is whole
   double rate_hz = 0;                  ///< from its metadata; 0: not given
+  std::vector<Bytes> paths;            ///< lists of paths in a body (pathsIn), in the file's order
 };
 
 /// Whether a damaged recording is refused, or read as far as it goes.

@@ -92,6 +92,7 @@ class TailReader {
     Resolution resolution;
     SpoolDamage missing;  // between its pieces, and before the first
     Bytes cut_memory;     // of the first piece that has one
+    Bytes paths;          // of all pieces
   };
   TailReader(const pb::SessionDescription& of, const SpoolFile& file) : description(of), tail(file) {}
 
@@ -156,7 +157,7 @@ class TailReader {
   /// The chunk formed by the pieces of its number, in file order. Without samples if none of them fits.
   Result<Chunk> chunkOf(std::uint64_t seq, std::span<const Piece> pieces) {
     // take the resolution from the pieces, which have a checksum; a corrected description has none
-    Chunk chunk{seq, {}, resolutionOf(description), {}, {}};
+    Chunk chunk{seq, {}, resolutionOf(description), {}, {}, {}};
     std::uint32_t part = 0;
     for (const Piece& one : pieces) {
       if (one.part < part || one.info.first_tick < tick ||
@@ -171,6 +172,9 @@ class TailReader {
         addDamage(chunk.missing, {0, lost, first - lost});
       chunk.resolution = one.info.resolution;
       if (chunk.cut_memory.empty()) chunk.cut_memory = cutMemoryOf(*data);
+      const Bytes paths = pathListOf(*data);
+      if (chunk.paths.size() + paths.size() <= kMaxPathsBytes)
+        chunk.paths.insert(chunk.paths.end(), paths.begin(), paths.end());
       chunk.samples.insert(chunk.samples.end(), piece->begin(), piece->end());
       tick = chunk.samples.back().tick + 1;
       part = one.part + 1;
@@ -397,8 +401,8 @@ Status SpoolSession::recoverTail() {
       next_seq_ = chunk.seq;
       addDamage(tail_damage_, chunk.missing);
     }
-    RETURN_IF_ERROR(
-        appendChunk(encodeChunk(chunk.resolution, chunk.samples, chunk.cut_memory), chunk.samples.size()));
+    RETURN_IF_ERROR(appendChunk(encodeChunk(chunk.resolution, chunk.samples, chunk.cut_memory, chunk.paths),
+                                chunk.samples.size()));
     {
       const std::scoped_lock lock(mutex_);
       entries_.back().first_tick = chunk.samples.front().tick;

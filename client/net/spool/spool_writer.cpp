@@ -110,6 +110,7 @@ void SpoolWriter::takeSample(const GestureSample& sample) {
     ++lost_;
   } else {
     if (in_tail_ == chunk_.size()) tail_waits_since_ns_ = time_.nowNs();
+    rememberPaths();
     chunk_.push_back(sample);
   }
   {
@@ -132,6 +133,25 @@ void SpoolWriter::rememberCuts(const GestureSample& sample, bool wanted) {
   cuts_at_ = chunk_.size();
 }
 
+// before its sample is in chunk_. A chunk takes as many as it has room for; samples dropped by the ring are
+// unknown here, so later samples have none
+void SpoolWriter::rememberPaths() {
+  if (!callbacks_.paths) return;
+  Bytes list = callbacks_.paths(chunk_.empty());
+  if (list.empty() || ring_.dropped() != ring_dropped_before_) return;
+  if (path_bytes_ + list.size() > kMaxPathsBytes) return;
+  path_bytes_ += list.size();
+  paths_.push_back({chunk_.size(), std::move(list)});
+}
+
+// the paths of chunk_'s samples from `first` on
+Bytes SpoolWriter::pathsFrom(std::size_t first) const {
+  Bytes all;
+  for (const PathsAt& paths : paths_)
+    if (paths.sample >= first) all.insert(all.end(), paths.list.begin(), paths.list.end());
+  return all;
+}
+
 // writes the samples that are not in the tail yet; skips the tail while chunks wait for the disk, because it
 // would fail too
 void SpoolWriter::writeTail() {
@@ -139,8 +159,8 @@ void SpoolWriter::writeTail() {
   assert(in_tail_ < chunk_.size());
   const std::span<const GestureSample> missing(chunk_);
   const ByteView cuts = cuts_at_ >= in_tail_ ? ByteView(cuts_) : ByteView();
-  const Status status =
-      session_->appendPiece(seq_, encodeChunk(resolution_, missing.subspan(in_tail_), cuts));
+  const Status status = session_->appendPiece(
+      seq_, encodeChunk(resolution_, missing.subspan(in_tail_), cuts, pathsFrom(in_tail_)));
   if (status.ok())
     in_tail_ = chunk_.size();
   else
@@ -151,7 +171,7 @@ void SpoolWriter::writeTail() {
 // passes the piece unencoded: only the uplink knows whether there are viewers
 void SpoolWriter::showPiece() {
   assert(!piece_.empty());
-  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0, {}};
+  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(piece_), piece_.back(), 0, 0, {}, {}};
   for (const GestureSample& sample : piece_) piece.flags |= sample.flags;
   piece_.clear();
   {
@@ -180,12 +200,14 @@ void SpoolWriter::noteLoss() {
 
 void SpoolWriter::makeChunk() {
   assert(!chunk_.empty() && in_tail_ <= chunk_.size());
-  pending_.push_back({encodeChunk(resolution_, chunk_, cuts_), chunk_.size(), in_tail_,
+  pending_.push_back({encodeChunk(resolution_, chunk_, cuts_, pathsFrom(0)), chunk_.size(), in_tail_,
                       in_tail_ < chunk_.size() ? chunk_[in_tail_].tick : chunk_.back().tick + 1});
   pending_bytes_ += pending_.back().chunk.size();
   ++seq_;
   chunk_.clear();
   cuts_.clear();
+  paths_.clear();
+  path_bytes_ = 0;
   in_tail_ = 0;
   {
     const std::scoped_lock lock(mutex_);

@@ -36,6 +36,7 @@ struct SamplePiece {
   std::uint64_t samples_so_far = 0;                           ///< of the session, this piece included
   std::uint32_t flags = 0;                                    ///< of all of its samples
   Bytes cut_memory{};  ///< LiveFrame's, after the last sample; the writer leaves it empty
+  Bytes paths{};       ///< LiveFrame's, of these samples; the writer leaves it empty
 };
 
 /// Counts of the writer so far.
@@ -70,6 +71,9 @@ class SpoolWriter {
     /// Called with every sample, in order. If `wanted`, returns the memory of the cut after it, if any, for
     /// the sample's chunk (encodeChunk); otherwise nothing. May be empty: chunks without memories.
     std::function<Bytes(const GestureSample& sample, bool wanted)> cut_memory{};
+    /// Called after `cut_memory` for each sample that goes into a chunk. Returns the list of paths that a
+    /// reader needs at it, if any; `first`: the sample is its chunk's first. May be empty.
+    std::function<Bytes(bool first)> paths{};
   };
 
   /// Returned by a pass that is due only after another event.
@@ -102,6 +106,8 @@ class SpoolWriter {
  private:
   void takeSample(const GestureSample& sample);
   void rememberCuts(const GestureSample& sample, bool wanted);
+  void rememberPaths();
+  [[nodiscard]] Bytes pathsFrom(std::size_t first) const;
   void writeTail();
   void showPiece();
   void noteLoss();
@@ -123,6 +129,12 @@ class SpoolWriter {
   std::size_t in_tail_ = 0;  // how many of chunk_'s samples are in the spool's tail
   Bytes cuts_;               // memory of the cut for chunk_; empty: not yet set
   std::size_t cuts_at_ = 0;  // after this many of chunk_'s samples
+  struct PathsAt {
+    std::size_t sample = 0;  // of chunk_
+    Bytes list;
+  };
+  std::vector<PathsAt> paths_;  // for chunk_, ascending
+  std::size_t path_bytes_ = 0;  // of them
   struct Pending {
     Bytes chunk;
     std::uint64_t samples = 0;

@@ -368,6 +368,8 @@ void Uplink::pumpLive() {
     frame.set_capture_unix_ns(item.capture_unix_ns);
     const Bytes& cuts = item.piece.cut_memory;
     if (!cuts.empty()) frame.set_cut_memory(cuts.data(), cuts.size());
+    const Bytes& paths = item.piece.paths;
+    if (!paths.empty()) frame.set_paths(paths.data(), paths.size());
     if (auto encoded = encodeFrame(envelope); encoded.ok()) link_.sendLive(*encoded, true);
   }
 }

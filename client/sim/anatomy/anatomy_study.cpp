@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/device/hand/hand.h"
+#include "common/anatomy/inner_point.h"
 #include "common/haptics/engine.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/volume.h"
@@ -42,16 +43,24 @@ void widen(Box& box, Vec3 p) {
   box.high = {std::max(box.high.x, p.x), std::max(box.high.y, p.y), std::max(box.high.z, p.z)};
 }
 
-std::vector<Box> placesToAimAt(const pb::Profile& profile) {
+std::vector<Box> placesToAimAt(const Field& field, const pb::Profile& profile) {
   std::vector<Box> boxes;
   const Vec3 around{kAround_m, kAround_m, kAround_m};
+  const FieldSpec spec = fieldSpecOf(profile.volume());
   for (const pb::Target& target : profile.targets()) {
-    const Vec3 center = vectorOf(target.center_m());
+    Vec3 center = vectorOf(target.center_m());
+    if (target.has_structure() && !target.has_center_m()) {
+      const auto named = std::ranges::find(spec.structures, target.structure(), &FieldStructure::id);
+      const auto inner =
+          innerPoint(spec, field, static_cast<StructureIndex>(named - spec.structures.begin()));
+      if (!inner) continue;
+      center = inner->at_m;
+    }
     boxes.push_back({center - around, center + around});
   }
   if (!boxes.empty()) return boxes;
   Box all{{1e3, 1e3, 1e3}, {-1e3, -1e3, -1e3}};
-  for (const FieldGroup& group : fieldSpecOf(profile.volume()).groups) {
+  for (const FieldGroup& group : spec.groups) {
     for (const FieldPart& part : group.parts) {
       if (const auto* const capsule = std::get_if<CapsulePart>(&part.shape)) {
         widen(all, capsule->a_m);
@@ -241,7 +250,7 @@ constexpr AnatomyMethod kProduct{AnatomySteps::kSphere, 0.1e-3};
 
 std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& profile, std::size_t count,
                                      std::uint64_t seed) {
-  const std::vector<Box> boxes = placesToAimAt(profile);
+  const std::vector<Box> boxes = placesToAimAt(field, profile);
   HandRandom random(seed);
   std::vector<AnatomyPath> paths;
   for (std::size_t i = 0; paths.size() < count && i < 50 * count; ++i) {
@@ -267,8 +276,8 @@ LayerStack AnatomyMethod::stackOf(const Field& field, const AnatomyPath& path, d
 }
 
 AnatomySection anatomySection(const Field& field, const pb::Profile& profile, char normal) {
-  Box all = placesToAimAt(profile).front();
-  for (const Box& box : placesToAimAt(profile)) {
+  Box all = placesToAimAt(field, profile).front();
+  for (const Box& box : placesToAimAt(field, profile)) {
     widen(all, box.low);
     widen(all, box.high);
   }

@@ -15,7 +15,7 @@ namespace needlelab {
 struct CurveSet {
   std::string name, licence, source;
   std::vector<ForceCurve> curves;            ///< ordered by tissue, specimen, needle, speed, name
-  std::vector<std::string> notes;            ///< what was omitted, and why
+  std::vector<std::string> notes;            ///< omissions, and their reasons
   std::vector<std::filesystem::path> files;  ///< the files that were read
 };
 

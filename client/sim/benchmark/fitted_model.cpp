@@ -106,7 +106,7 @@ std::vector<FittedModel> baselines(const TrainingSet& training) {
   return {dotsModel("CONNECT_THE_DOTS", ModelKind::kFloor, "straight lines through the means of the curves",
                     bins),
           dotsModel("HOLD_THE_LAST", ModelKind::kTrivial, "the last force, everywhere", {bins.back()}),
-          dotsModel("MEAN_FORCE", ModelKind::kTrivial, "the mean force, everywhere", thinned(bins, 1)),
+          dotsModel("MEAN_FORCE", ModelKind::kTrivial, "the mean force, everywhere", rebinned(bins, 1)),
           dotsModel("NO_FORCE", ModelKind::kTrivial, "0 N", {})};
 }
 

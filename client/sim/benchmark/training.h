@@ -14,7 +14,7 @@
 
 namespace needlelab {
 
-/// What is known of an insertion before its force.
+/// The facts of an insertion that are known before its force.
 struct InsertionKind {
   double speed_mps = 0;
   double diameter_m = 0;  ///< 0 if unknown
@@ -54,7 +54,7 @@ struct Fold {
   std::function<bool(std::size_t curve, const CurveBin& bin)> fit_on;
 };
 
-/// A question to the data: what is held out, and what may be used for calibration.
+/// A question to the data: the insertions held out, and those for calibration.
 enum class HoldOut : std::uint8_t {
   kSpecimen,           ///< a specimen: zero-shot
   kSpecimenStart,      ///< the same, with a common factor from its first millimetres
@@ -73,7 +73,7 @@ inline constexpr std::array<HoldOut, 9> kHoldOuts = {
 /// "specimen", "specimen-start", "specimen-insertion", "needle", "speed", "hold", "withdrawal", "end",
 /// "blocks".
 std::string_view nameOf(HoldOut what);
-/// What it asks, for people.
+/// The question in words, for people.
 std::string_view questionOf(HoldOut what);
 /// "an unseen specimen", …: what a model named there predicts. Empty for end and blocks, where the held-out
 /// rows belong to insertions that were fitted on.

@@ -18,7 +18,7 @@ double baselineAt(Baseline baseline, const std::vector<CurveBin>& bins, double a
   return std::lerp(before.value, after->value, (at - before.at) / (after->at - before.at));
 }
 
-std::vector<CurveBin> thinned(const std::vector<CurveBin>& bins, std::size_t most) {
+std::vector<CurveBin> rebinned(const std::vector<CurveBin>& bins, std::size_t most) {
   if (bins.size() <= most) return bins;
   const double from = bins.front().at, width = (bins.back().at - from) / static_cast<double>(most);
   std::vector<CurveBin> means;

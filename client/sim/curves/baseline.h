@@ -25,6 +25,6 @@ double baselineAt(Baseline baseline, const std::vector<CurveBin>& bins, double a
 
 /// Means of `bins` over at most `most` equal intervals: a baseline with that many numbers. Empty intervals
 /// are skipped. `most` is at least 1; bins are ordered; their `rows` are dropped.
-std::vector<CurveBin> thinned(const std::vector<CurveBin>& bins, std::size_t most);
+std::vector<CurveBin> rebinned(const std::vector<CurveBin>& bins, std::size_t most);
 
 }  // namespace needlelab

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <utility>
 
 #include "client/device/pose_option.h"
 #include "common/base/range.h"
+#include "common/base/units.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/geometry.h"
 #include "common/haptics/scene_model.h"
@@ -130,7 +130,7 @@ std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t 
         "row {}: the needle's axis points out of the skin where it enters, {:.0f}° from straight in: is the "
         "quaternion in the order w, x, y, z (the columns are qx, qy, qz, qw), or the frame left-handed? The "
         "needle points along its z",
-        i + 1, std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / std::numbers::pi);
+        i + 1, degreesOf(std::acos(std::clamp(cosine, -1.0, 1.0))));
   }
   return std::nullopt;
 }

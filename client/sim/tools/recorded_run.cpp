@@ -27,15 +27,12 @@ std::string differenceText(const RecordedDifference& difference) {
 }
 
 RecordedRun::RecordedRun(const SceneModel& model)
-    : model_(model),
-      chunk_ticks_(static_cast<std::uint64_t>(std::llround(model.rate_hz))),
-      told_(std::make_unique<SimState>()),
-      own_(std::make_unique<SimState>()) {
+    : chunk_ticks_(static_cast<std::uint64_t>(std::llround(model.rate_hz))), told_(model), own_(model) {
   clearReport(report_, 0.0, 0);
 }
 
 const StepReport& RecordedRun::step(const GestureSample& sample) {
-  if (ticks_++ % chunk_ticks_ == 0) *own_ = *told_;
+  if (ticks_++ % chunk_ticks_ == 0) own_.continueFrom(told_);
   if ((sample.flags & kFlagNotStepped) != 0) {
     report_.flags = kFlagNotStepped;
     return report_;
@@ -44,8 +41,14 @@ const StepReport& RecordedRun::step(const GestureSample& sample) {
                       {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}};
   const StoredTick stored = storedTickOf(sample);
   StepReport told_report;
-  stepAsStored(model_, tip, stored, *told_, told_report);
-  needlelab::step(model_, tip, *own_, report_);
+  for (; !lists_.empty() && told_paths_.noneFrom(sample.tick); lists_.pop_front()) {
+    told_paths_.take(lists_.front());
+    own_paths_.take(lists_.front());
+  }
+  told_paths_.giveFor(sample.tick, stored, told_);
+  own_paths_.giveFor(sample.tick, stored, own_);
+  told_.stepAsStored(tip, stored, told_report);
+  own_.stepOnPaths(tip, stored, report_);
 
   if (stored.layer < 0 && report_.layer < 0) return report_;
   if (stored.hasEnginesForce())
@@ -138,6 +141,7 @@ Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, D
     gesture.samples = std::move(read.samples);
     gesture.holes = std::move(read.holes);
     gesture.rate_hz = read.rate_hz;
+    gesture.paths = std::move(read.paths);
   }
   if (gesture.samples.empty()) return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples"};
   RETURN_IF_ERROR(checkOrder(path, gesture.samples));

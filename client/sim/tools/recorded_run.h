@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -11,8 +12,10 @@
 #include <vector>
 
 #include "client/device/recording/whole_recording.h"
+#include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
+#include "common/haptics/body/given_paths.h"
 #include "common/haptics/engine.h"
 
 namespace needlelab {
@@ -21,6 +24,7 @@ struct RecordedGesture {
   std::vector<GestureSample> samples;  ///< at least one; ticks and times ascend
   std::vector<std::string> holes;      ///< in a damaged one; empty if complete
   double rate_hz = 0;                  ///< as given in the file
+  std::vector<Bytes> paths;            ///< of a recording: lists of paths in a body (pathsIn)
 };
 
 /// The rate comes from the metadata, otherwise from ticks and times. `rate_hz`: the rate that the caller
@@ -46,12 +50,16 @@ struct RecordedDifference {
 std::string differenceText(const RecordedDifference& difference);
 
 /// Steps the engine along recorded samples. Each second of samples starts from the recorded state
-/// (`stepAsStored`: wall, phase, layer, ruptures); within it the engine runs on its own, on rounded poses.
-/// Ticks that the station did not step are not stepped.
+/// (`stepAsStored`: wall, phase, layer, ruptures); within it the engine runs on its own, on rounded poses, in
+/// a body on the station's paths. Ticks that the station did not step are not stepped.
 class RecordedRun {
  public:
   /// `model` must outlive the run.
   explicit RecordedRun(const SceneModel& model);
+
+  /// Takes the station's paths in a body: the recording's lists, before their samples. Without them the
+  /// engine finds its own.
+  void takePaths(const std::vector<Bytes>& lists) { lists_.insert(lists_.end(), lists.begin(), lists.end()); }
 
   /// Steps the next sample. Returns the engine's own report; for a tick that is not stepped, the last one
   /// with its flag.
@@ -60,10 +68,10 @@ class RecordedRun {
   [[nodiscard]] RecordedDifference difference() const;
 
  private:
-  const SceneModel& model_;
   std::uint64_t chunk_ticks_, ticks_ = 0;
-  std::unique_ptr<SimState> told_, own_;  // set from the samples; run by the engine since the start of this
-                                          // second
+  SceneEngine told_, own_;   // set from the samples; on its own since the start of this second
+  std::deque<Bytes> lists_;  // of paths, for samples to come
+  GivenPaths told_paths_, own_paths_;
   StepReport report_;
   std::size_t gate_ticks_ = 0;
   std::vector<double> differences_N_;

@@ -21,9 +21,9 @@
 #include "client/station/run/checks/measure_delay.h"
 #include "client/station/run/io/terminal.h"
 #include "client/station/run/lesson/curriculum.h"
-#include "client/station/run/lesson/cut_follower.h"
 #include "client/station/run/lesson/lesson.h"
 #include "client/station/run/lesson/local_score.h"
+#include "client/station/run/lesson/memory_follower.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/signals.h"
 #include "client/station/run/loop_watch.h"
@@ -216,14 +216,16 @@ Status StationRun::practise() {
   // computes the figures for the instructor's overview, on the writer's thread
   const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
                                                           lesson_.exercise ? &*lesson_.exercise : nullptr);
-  const auto cut_follower = std::make_shared<CutFollower>(lesson_.model);
-  callbacks.cut_memory = [cut_follower](const GestureSample& sample, bool wanted) {
-    cut_follower->follow(sample);
-    return wanted ? cut_follower->memory() : Bytes();
+  const auto memory_follower = std::make_shared<MemoryFollower>(lesson_.model);
+  callbacks.cut_memory = [memory_follower](const GestureSample& sample, bool wanted) {
+    memory_follower->follow(sample);
+    return wanted ? memory_follower->cuts() : Bytes();
   };
-  callbacks.piece = [this, uplink, lesson_watch, cut_follower](const SamplePiece& samples) {
+  callbacks.paths = [memory_follower](bool first) { return memory_follower->path(first); };
+  callbacks.piece = [this, uplink, lesson_watch, memory_follower](const SamplePiece& samples) {
     SamplePiece piece = samples;
-    piece.cut_memory = cut_follower->due();  // its last sample is the last one followed
+    piece.cut_memory = memory_follower->cutsDue();  // its last sample is the last one followed
+    piece.paths = memory_follower->pathsDue();
     lesson_watch->add(*piece.samples);
     alarms_.take(lesson_watch->alarms());
     if (uplink != nullptr) {
@@ -260,7 +262,8 @@ Status StationRun::practise() {
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
   settings.passivity = lesson_.passivity;
-  loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings);
+  if (lesson_.model.body_spec) paths_ = std::make_unique<PathWorker>(lesson_.model);
+  loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings, paths_.get());
   logMessage("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 
   const ShallowSleep shallow_sleep;

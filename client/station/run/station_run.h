@@ -19,6 +19,7 @@
 #include "client/station/run/lesson/trainee_code.h"
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/loop/black_box.h"
+#include "client/station/run/loop/path_worker.h"
 #include "client/station/run/loop/servo_loop.h"
 #include "client/station/run/station.h"
 #include "client/station/run/summary.h"
@@ -99,6 +100,7 @@ class StationRun {
   std::optional<EffectCosts> effect_costs_;
   std::unique_ptr<Device> device_;
   std::shared_ptr<SpoolSession> session_;
+  std::unique_ptr<PathWorker> paths_;  // null: the patient is no body
   std::unique_ptr<ServoLoop> loop_;
   AudibleTone tone_;
   LessonAlarms alarms_{tone_, options_.tone};

@@ -63,9 +63,9 @@ void TraineeWindow::follow() {
   }
   if (!follow_) return;
   samples_.clear();
-  Bytes cut_memory;
-  const std::uint64_t dropped = board_.takeSamples(lesson_, samples_, &cut_memory);
-  follow_->feed(samples_, dropped, cut_memory);
+  Bytes cut_memory, paths;
+  const std::uint64_t dropped = board_.takeSamples(lesson_, samples_, &cut_memory, &paths);
+  follow_->feed(samples_, dropped, cut_memory, paths);
 }
 
 void TraineeWindow::askToQuit() {

@@ -4,10 +4,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/base/units.h"
+
 namespace needlelab {
 namespace {
 
-constexpr double kMaxElevation_rad = 85 * std::numbers::pi / 180;
+constexpr double kMaxElevation_rad = radOf(85);
 constexpr double kNearest_m = 0.02, kFarthest_m = 2;
 
 // Returns the unit vector perpendicular to the unit vector `up` that is nearest to `wanted`.
@@ -140,9 +142,14 @@ OrbitCamera initialView(const SceneView& scene) {
   camera.front_W = levelled({1, 0, 0}, camera.up_W);
   // a little below the skin: needle and syringe above, target and layers below
   camera.focus_W_m = scene.focus_W_m - scene.focus_normal_W * (0.12 * scene.extent_m);
-  camera.azimuth_rad = 25 * std::numbers::pi / 180;
-  camera.elevation_rad = 14 * std::numbers::pi / 180;
+  camera.azimuth_rad = radOf(25);
+  camera.elevation_rad = radOf(14);
   camera.distance_m = std::clamp(3.6 * scene.extent_m, kNearest_m, kFarthest_m);
+  if (scene.body) {  // farther, with the hand and a recognisable part of the body
+    camera.focus_W_m = scene.focus_W_m + scene.focus_normal_W * (0.08 * scene.extent_m);
+    camera.elevation_rad = 20 * std::numbers::pi / 180;
+    camera.distance_m = std::clamp(5.0 * scene.extent_m, kNearest_m, kFarthest_m);
+  }
   return camera;
 }
 
@@ -156,7 +163,7 @@ OrbitCamera viewFromAbove(const SceneView& scene) {
 
 OrbitCamera viewFromSide(const SceneView& scene) {
   OrbitCamera camera = initialView(scene);
-  camera.azimuth_rad = 90 * std::numbers::pi / 180;
+  camera.azimuth_rad = radOf(90);
   camera.elevation_rad = 0;
   return camera;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/haptics/body/given_paths.h"
 #include "common/haptics/effects/clamping.h"
 #include "common/haptics/effects/resume.h"
 
@@ -63,10 +64,12 @@ void copySample(const GestureSample& sample, double loop_rate_hz, Moment& now) {
 }
 
 struct GestureReplica::State {
+  explicit State(std::shared_ptr<const SceneModel> scene) : model(std::move(scene)), engine(*model) {}
+
   std::shared_ptr<const SceneModel> model;
-  bool thinned = false;
+  bool reduced_rate = false;
   double loop_rate_hz = 1000;
-  SimState engine{};
+  SceneEngine engine;
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
@@ -74,6 +77,7 @@ struct GestureReplica::State {
   bool lost = false;          // samples are missing since the tip was last outside
   int disagreements = 0;      // consecutive ticks in which replica and recording differ on being inside
   bool cuts_unknown = false;  // CUT_MEMORY: insertions before this one were not seen
+  GivenPaths paths;           // only in a body
   bool guessed = false;       // entry and u were guessed from the pose, because the entry was not seen
   Vec3 guessed_entry_W_m, guessed_u_W;
 
@@ -83,11 +87,11 @@ struct GestureReplica::State {
   void updateMoment();
 };
 
-GestureReplica::GestureReplica(std::shared_ptr<const SceneModel> model, bool thinned, double loop_rate_hz)
-    : state_(std::make_unique<State>()) {
-  state_->thinned = thinned;
-  state_->loop_rate_hz = loop_rate_hz > 0 ? loop_rate_hz : model->rate_hz;
-  state_->model = std::move(model);
+GestureReplica::GestureReplica(std::shared_ptr<const SceneModel> model, bool reduced_rate,
+                               double loop_rate_hz)
+    : state_(std::make_unique<State>(std::move(model))) {
+  state_->reduced_rate = reduced_rate;
+  state_->loop_rate_hz = loop_rate_hz > 0 ? loop_rate_hz : state_->model->rate_hz;
   restart();
 }
 
@@ -97,7 +101,7 @@ GestureReplica::~GestureReplica() = default;
 
 void GestureReplica::restart() {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  state_->engine = {};
+  state_->engine.restart();
   state_->report = {};
   state_->report.p_wall_W_m = {nan, nan, nan};
   state_->now = {};
@@ -105,6 +109,7 @@ void GestureReplica::restart() {
   state_->now.alpha_rad = orientationLimitAngle(state_->model->needle_length_m, 0);
   state_->fed = 0;
   state_->differs = state_->lost = state_->guessed = state_->cuts_unknown = false;
+  state_->paths = {};
   state_->disagreements = 0;
 }
 
@@ -118,14 +123,27 @@ void GestureReplica::takeCuts(const CutSnapshot& snapshot) {
   // during an insertion the wall already follows from the memory at its entry
   const bool outside = state.fed > 0 && !state.now.inside && state.now.layer < 0;
   if (!outside || snapshot.tick != state.now.tick || !state.model->isLive(Effect::kCutMemory)) return;
-  state.engine.cuts = snapshot.cuts;
-  state.engine.insertions = snapshot.insertions;
+  state.engine.state().cuts = snapshot.cuts;
+  state.engine.state().insertions = snapshot.insertions;
   state.cuts_unknown = false;
+}
+
+void GestureReplica::takePath(const PathSnapshot& snapshot) {
+  if (state_->model->body_spec) state_->paths.take(snapshot);
+}
+
+void GestureReplica::takePaths(ByteView list) {
+  if (state_->model->body_spec) state_->paths.take(list);
 }
 
 const Moment& GestureReplica::feed(const GestureSample& sample) {
   State& state = *state_;
-  if (state.fed > 0 && sample.tick <= state.now.tick) restart();
+  if (state.fed > 0 && sample.tick <= state.now.tick) {
+    GivenPaths paths = std::move(state.paths);  // of this sample
+    restart();
+    state.paths = std::move(paths);
+    state.paths.restart();
+  }
   if (state.fed == 0 && static_cast<double>(sample.tick) > kBeginning_s * state.loop_rate_hz)
     state.forgetCuts();
   ++state.fed;
@@ -149,14 +167,16 @@ void GestureReplica::State::forgetCuts() {
 }
 
 void GestureReplica::State::stepAlong(const GestureSample& sample) {
-  differs = stepAsStored(*model, {now.p_WT_m, now.q_WT}, storedTickOf(sample), engine, report).isReal();
+  const StoredTick stored = storedTickOf(sample);
+  if (model->body_spec) paths.giveFor(sample.tick, stored, engine);
+  differs = engine.stepAsStored({now.p_WT_m, now.q_WT}, stored, report).isReal();
 }
 
 // The recording decides whether the needle is inserted; the replica follows.
 void GestureReplica::State::compareWith(const GestureSample& sample) {
   const bool recorded_inside = sample.layer >= 0;
   if (!recorded_inside && report.depth_m <= 0) lost = guessed = false;
-  if (recorded_inside == engine.inside) {
+  if (recorded_inside == engine.state().inside) {
     disagreements = 0;
     guessed = false;
     return;
@@ -166,7 +186,10 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
   forgetCuts();
   if (!recorded_inside) {
     // The engine started in a different state, e.g. inside the tissue: no force until the tip was outside.
-    engine = {};
+    if (model->body_spec)
+      engine.restart();
+    else
+      engine.state() = {};
   } else if (!guessed) {
     guessed = true;
     guessed_u_W = normalized(zAxis(now.q_WT));
@@ -176,20 +199,22 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
 
 void GestureReplica::State::updateMoment() {
   now.depth_m = report.depth_m;
-  now.inside = engine.inside || guessed;
-  now.approximate = differs || (now.inside && (lost || thinned || cuts_unknown));
+  const SimState& sim = engine.state();
+  now.inside = sim.inside || guessed;
+  const bool path_unknown = model->body_spec && paths.unknown();
+  now.approximate = differs || (now.inside && (lost || reduced_rate || cuts_unknown || path_unknown));
   now.alpha_rad = orientationLimitAngle(model->needle_length_m, now.inside ? now.insertion_m : 0);
   now.tilt_rad = 0;
   now.clamping_W = {};
   // during a FAULT the engine does not step, and the force is zero
-  const bool forces = engine.inside && now.fault == 0;
+  const bool forces = sim.inside && now.fault == 0;
   now.terms = forces ? termsOf(report) : std::array<double, kEffectCount>{};
   if (!now.inside) return;
-  now.p_entry_W_m = engine.inside ? engine.p_entry_W_m : guessed_entry_W_m;
-  now.u_W = engine.inside ? engine.u_W : guessed_u_W;
+  now.p_entry_W_m = sim.inside ? sim.p_entry_W_m : guessed_entry_W_m;
+  now.u_W = sim.inside ? sim.u_W : guessed_u_W;
   const Vec3 axis_W = zAxis(now.q_WT);
   now.tilt_rad = std::atan2(norm(cross(axis_W, now.u_W)), dot(axis_W, now.u_W));
-  if (now.term(Effect::kClamping) > 0) now.clamping_W = clampingDirection(*model, engine);
+  if (now.term(Effect::kClamping) > 0) now.clamping_W = clampingDirection(engine.model(), engine.state());
 }
 
 const Moment& GestureReplica::now() const {
@@ -203,6 +228,9 @@ std::uint64_t GestureReplica::fed() const {
 }
 const SceneModel& GestureReplica::model() const {
   return *state_->model;
+}
+const PathLayers* GestureReplica::path() const {
+  return state_->engine.path();
 }
 
 std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span<const GestureSample> samples,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/gesture/sample.h"
+#include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
@@ -43,9 +44,10 @@ struct Moment {
   std::array<double, kEffectCount> terms{};  ///< force terms by Effect: along u and signed, or a magnitude
   Vec3 clamping_W;                           ///< unit vector of the clamping force; zero without one
   /// The replica's values may be inexact (the sample's own are not affected): since the tip was last outside,
-  /// ticks are missing or samples were thinned; or the scene has CUT_MEMORY and earlier cuts are unknown; or
-  /// in this tick the engine's force, layer or contact differs from the sample's by more than rounding
-  /// explains (`kRoundingExplains_N`).
+  /// ticks are missing or samples left out; or the scene has CUT_MEMORY and earlier cuts are unknown; or
+  /// the scene has a body and the station's paths of this insertion are not all known; or in this tick the
+  /// engine's force, layer or contact differs from the sample's by more than rounding explains
+  /// (`kRoundingExplains_N`).
   bool approximate = false;
 
   double& term(Effect effect) { return terms[static_cast<std::size_t>(effect)]; }
@@ -61,9 +63,10 @@ void copySample(const GestureSample& sample, double loop_rate_hz, Moment& moment
 class GestureReplica {
  public:
   /// `model`: the session's scene, compiled for the rate of the *stream*. If only every n-th sample arrives
-  /// (a thinned recording, a slower viewer), compile it for 1/n of the loop's rate and set `thinned`: then
-  /// everything inside the tissue is `approximate`. `loop_rate_hz`: rate of the tick numbers; 0: the model's.
-  explicit GestureReplica(std::shared_ptr<const SceneModel> model, bool thinned = false,
+  /// (a thinned recording, a slower viewer), compile it for 1/n of the loop's rate and set `reduced_rate`:
+  /// then everything inside the tissue is `approximate`. `loop_rate_hz`: rate of the tick numbers; 0: the
+  /// model's.
+  explicit GestureReplica(std::shared_ptr<const SceneModel> model, bool reduced_rate = false,
                           double loop_rate_hz = 0);
   GestureReplica(GestureReplica&&) noexcept;
   GestureReplica& operator=(GestureReplica&&) noexcept;
@@ -83,6 +86,12 @@ class GestureReplica {
   /// Takes the station's cut memory after the last fed sample, with the tip outside; ignores any other. The
   /// following insertions are exact again.
   void takeCuts(const CutSnapshot& snapshot);
+  /// In a scene with a body: takes a path of the station, before the sample of its tick is fed; ignores older
+  /// ones. An insertion is exact if the path at its entry and each new one within it were taken. Otherwise
+  /// the replica finds its own path, and everything inside is `approximate`.
+  void takePath(const PathSnapshot& snapshot);
+  /// Takes each path of a list (pathsIn), of a chunk or a live frame. Safe for any bytes.
+  void takePaths(ByteView list);
   /// Forgets everything, for a new session or a jump in a replay.
   void restart();
 
@@ -91,7 +100,10 @@ class GestureReplica {
   [[nodiscard]] const StepReport& report() const;
   /// Returns the number of samples fed since the start.
   [[nodiscard]] std::uint64_t fed() const;
+  /// The scene's model; in a body, not that of a path.
   [[nodiscard]] const SceneModel& model() const;
+  /// The path in use; null outside of a body.
+  [[nodiscard]] const PathLayers* path() const;
 
  private:
   struct State;

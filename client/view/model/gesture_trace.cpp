@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include <fmt/core.h>
+
+#include "common/base/units.h"
 
 namespace needlelab {
 namespace {
@@ -16,7 +17,6 @@ constexpr double kMomentPeriod_s = 0.01;
 constexpr std::size_t kMaxEvents = 4000;
 constexpr double kSameTurn_s = 0.2;  // turns within this time count as one event
 constexpr double kSameGap_s = 0.2;   // likewise gaps
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 float shortened(double value) {
   return static_cast<float>(value);
@@ -39,8 +39,8 @@ ChannelInfo infoOf(TraceChannel channel) {
       {"inserted", "mm", 1000},
       {"speed", "mm/s", 1000},
       {"from own line", "mm", 1000},
-      {"α", "°", kDegrees},
-      {"tilt from own line", "°", kDegrees},
+      {"α", "°", kDegreesPerRad},
+      {"tilt from own line", "°", kDegreesPerRad},
       {"tip x", "mm", 1000},
       {"tip y", "mm", 1000},
       {"tip z", "mm", 1000},

@@ -93,8 +93,8 @@ std::string_view signOf(TraceEvent::Kind kind);
 /// 40 KiB/s: 50 MiB for 5 minutes at 1 kHz, allocated as needed. Thread: one at a time.
 class GestureTrace {
  public:
-  /// `bones`: where the tip touches bone; none by default. `ticks_per_sample`: above 1 for thinned samples; a
-  /// larger step between samples is a gap. `alarms`: the scene's.
+  /// `bones`: where the tip touches bone; none by default. `ticks_per_sample`: above 1 for a thinned
+  /// recording; a larger step between samples is a gap. `alarms`: the scene's.
   explicit GestureTrace(double span_s = 300, BoneContacts bones = {}, double ticks_per_sample = 1,
                         GestureAlarms alarms = {});
   GestureTrace(GestureTrace&&) noexcept;

@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "common/base/units.h"
 
 namespace needlelab {
 namespace {
@@ -117,7 +118,7 @@ std::string_view phaseWord(Phase phase) {
 
 namespace {
 
-constexpr double kArcmin_rad = std::numbers::pi / 180 / 60;
+constexpr double kArcmin_rad = radOf(1.0 / 60);
 constexpr double kDeskHeight_px = 720;
 
 }  // namespace

@@ -7,6 +7,8 @@
 
 #include <fmt/core.h>
 
+#include "client/view/model/body_view.h"
+#include "common/anatomy/field_body.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
@@ -27,14 +29,14 @@ std::vector<LayerView> layersOf(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
   std::vector<LayerView> views;
   double top_m = 0;
-  for (const pb::Layer& layer : profile.layers()) {
+  for (const pb::Layer* layer : profileLayers(profile)) {
     LayerView view;
-    view.tissue = layer.tissue();
+    view.tissue = layer->tissue();
     view.name = names[views.size()];
     view.top_m = top_m;
-    view.bottom_m = top_m += layer.thickness_m();
-    view.cutting_N = layer.cutting_force_n();
-    view.has_membrane = layer.has_puncture();
+    view.bottom_m = top_m += layer->thickness_m();  // 0 in a volume
+    view.cutting_N = layer->cutting_force_n();
+    view.has_membrane = layer->has_puncture();
     views.push_back(std::move(view));
   }
   return views;
@@ -50,7 +52,39 @@ double reachOf(const Limb& limb) {
 Vec3 middleOf(const Limb& limb) {
   if (const auto* sphere = std::get_if<SphereLimb>(&limb)) return sphere->center_m;
   if (const auto* capsule = std::get_if<CapsuleLimb>(&limb)) return (capsule->a_m + capsule->b_m) * 0.5;
+  // a volume has no middle: its own origin, which authors put where the needle goes in
+  if (const auto* body = std::get_if<BodyLimb>(&limb)) return body->X_WL.p;
   return std::get<PlaneLimb>(limb).point_m;
+}
+
+/// From the focus to the first target; straight in without one, or where that would be along the skin.
+Vec3 wayIn(const SceneView& view) {
+  constexpr double kLeastInward = 0.2;
+  if (view.targets.empty()) return -view.focus_normal_W;
+  const Vec3 way = view.targets.front().center_W_m - view.focus_W_m;
+  const double size = norm(way);
+  const bool inward = size > 1e-6 && -dot(way, view.focus_normal_W) > kLeastInward * size;
+  return inward ? way / size : -view.focus_normal_W;
+}
+
+/// Gives each structure the depths where it is first met on the way in.
+void measureLayers(SceneView& view) {
+  const auto* const body = std::get_if<BodyLimb>(&view.limb_W);
+  if (body == nullptr) return;
+  constexpr double kDeepest_m = 0.2;
+  view.way_W = wayIn(view);
+  const double slant = -dot(view.way_W, view.focus_normal_W);
+  const LayerStack stack = body->body->layersAlong(
+      inverse(body->X_WL) * view.focus_W_m, rotate(conjugate(body->X_WL.q), view.way_W), kDeepest_m, 0);
+  for (std::size_t i = stack.count; i-- > 0;) {
+    const bool last = i + 1 == stack.count;
+    const bool is_bone = last && stack.end == StackEnd::kBone;
+    LayerView& layer = view.layers[stack.layers[i].structure];
+    layer.top_m = slant * stack.layers[i].top_m;
+    layer.bottom_m = !last     ? slant * stack.layers[i + 1].top_m
+                     : is_bone ? layer.top_m + view.needle.length_m
+                               : slant * stack.end_m;
+  }
 }
 
 }  // namespace
@@ -63,6 +97,8 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   view.profile_name = profile.name();
   view.X_WL = {X_WL.p, normalized(X_WL.q)};
   view.limb_W = spec.limb;
+  if (const auto* body = std::get_if<BodyLimb>(&view.limb_W))
+    view.body = std::dynamic_pointer_cast<const FieldBody>(body->body);
   if (auto* plane = std::get_if<PlaneLimb>(&view.limb_W)) plane->normal = normalized(plane->normal);
   view.layers = layersOf(profile);
   // the last layer has no lower end: it fills a round limb
@@ -84,16 +120,30 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i) {
     Region& region = anatomy.hazards[i];
     view.hazards.push_back({std::move(region.name), profile.hazards(static_cast<int>(i)).kind(), region.a_W_m,
-                            region.b_W_m, region.radius_m});
+                            region.b_W_m, region.radius_m, region.structure});
   }
 
   // Focus above the target; if a limb has no normal there (in its middle), the profile's z is up.
   const Vec3 from = view.targets.empty() ? middleOf(view.limb_W) : view.targets.front().center_W_m;
   view.focus_normal_W = surfaceNormal(view.limb_W, from, -zAxis(view.X_WL.q));
   const double below_m = signedDepth(view.limb_W, from);
-  view.focus_W_m = from + view.focus_normal_W * below_m;
+  view.focus_W_m = nearestSkin(view.limb_W, from, -zAxis(view.X_WL.q));
   const double target_m = view.targets.empty() ? 0 : below_m;
   view.extent_m = std::clamp(std::max(0.9 * view.needle.length_m, 1.5 * target_m), 0.01, 0.5);
+  if (view.body) frameBody(view);
+  measureLayers(view);
+  // a target that is a structure is where the way in meets it
+  for (int i = 0; i < profile.targets_size(); ++i)
+    for (int k = 0; k < profile.volume().structures_size(); ++k) {
+      if (!profile.targets(i).has_structure() ||
+          profile.volume().structures(k).id() != profile.targets(i).structure())
+        continue;
+      const LayerView& layer = view.layers[static_cast<std::size_t>(k)];
+      if (!(layer.bottom_m > layer.top_m)) continue;
+      TargetView& target = view.targets[static_cast<std::size_t>(i)];
+      target.top_m = layer.top_m;
+      target.bottom_m = layer.bottom_m;
+    }
   return view;
 }
 
@@ -102,12 +152,18 @@ double depthAt(const SceneView& scene, Vec3 p_W_m) {
 }
 
 int layerAt(const SceneView& scene, double depth_m) {
+  if (std::holds_alternative<BodyLimb>(scene.limb_W))
+    return layerAt(scene, scene.focus_W_m - scene.way_W * (depth_m / dot(scene.way_W, scene.focus_normal_W)));
   return layerAtDepth(scene.layer_end_m, depth_m);
 }
 
+int layerAt(const SceneView& scene, Vec3 p_W_m) {
+  return layerAt(scene.limb_W, scene.layer_end_m, p_W_m);
+}
+
 const std::string& layerName(const SceneView& scene, int layer) {
-  static const std::string kOutside = "outside", kNone = "?";
-  if (layer < 0) return kOutside;
+  static const std::string kOutsideWord = "outside", kNone = "?";
+  if (layer < 0) return kOutsideWord;
   if (static_cast<std::size_t>(layer) >= scene.layers.size()) return kNone;
   return scene.layers[static_cast<std::size_t>(layer)].name;
 }
@@ -147,7 +203,8 @@ PlanView planViewOf(const SceneView& scene, const PlannedLine& plan_W) {
 
 std::optional<PlannedLine> planOn(const SceneView& scene, const pb::Exercise& exercise) {
   if (exercise.profile_id() != scene.profile_id) return std::nullopt;
-  return plannedLineOf(exercise, scene.X_WL);
+  const auto line = plannedLineOf(exercise, scene.X_WL);
+  return line ? std::optional(onSkin(*line, scene.limb_W).value_or(*line)) : std::nullopt;
 }
 
 std::optional<PlanView> planViewOf(const SceneView& scene, const pb::Exercise& exercise) {
@@ -156,7 +213,8 @@ std::optional<PlanView> planViewOf(const SceneView& scene, const pb::Exercise& e
 }
 
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {
-  return segmentDistance(tip_W_m, skin_W_m, hazard.a_W_m, hazard.b_W_m) - hazard.radius_m;
+  return distanceTo(Region{{}, hazard.a_W_m, hazard.b_W_m, hazard.radius_m, hazard.structure}, tip_W_m,
+                    skin_W_m);
 }
 
 double offPlane_m(const HazardView& hazard, const PicturePlane& plane) {

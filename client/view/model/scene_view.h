@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -17,10 +18,15 @@
 
 namespace needlelab {
 
+class FieldBody;
+class StructureRegion;
+
 struct LayerView {
   pb::Layer::Tissue tissue = pb::Layer::OTHER;
-  std::string name;      ///< for people: "ligamentum flavum", "skin" (common/profile/layer_names.h)
-  double top_m = 0;      ///< depth δ below the surface, [top, bottom)
+  std::string name;  ///< for people: "ligamentum flavum", "skin" (common/profile/layer_names.h)
+  /// Depth δ below the surface, [top, bottom). In a volume: of the structure where it is first met straight
+  /// from the focus along `way_W`; 0 and 0 if it is not met there.
+  double top_m = 0;
   double bottom_m = 0;   ///< as drawn; in the engine the last layer has no end
   double cutting_N = 0;  ///< f_cut
   bool has_membrane = false;
@@ -42,12 +48,15 @@ struct HazardView {
   pb::Hazard::Kind kind = pb::Hazard::OTHER;
   Vec3 a_W_m, b_W_m;
   double radius_m = 0;
+  std::shared_ptr<const StructureRegion> structure = nullptr;  ///< as in Region: the ball is inside of it
 };
 
 /// Immutable after construction. Thread: any may read.
 struct SceneView {
   std::string profile_id, profile_name;
-  Limb limb_W;                      ///< a plane's normal is a unit vector
+  Limb limb_W;  ///< a plane's normal is a unit vector
+  /// Of a profile with a volume: `limb_W` is its body, and `layers` are its structures, in no order of depth.
+  std::shared_ptr<const FieldBody> body;
   std::vector<LayerView> layers;    ///< 1-32, from the skin inward
   std::vector<double> layer_end_m;  ///< as in Anatomy
   std::vector<TargetView> targets;
@@ -58,6 +67,9 @@ struct SceneView {
   /// The view's focus: the surface point above the first target, otherwise above the limb's middle; and the
   /// unit normal there, out of the tissue.
   Vec3 focus_W_m, focus_normal_W;
+  /// In a body: the unit direction from the focus to the first target, or straight in. Depths of layers are
+  /// those of the places along it.
+  Vec3 way_W;
   double extent_m = 0.1;  ///< radius about the focus for the initial view: target, needle, limb
 };
 
@@ -69,8 +81,11 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {})
 
 /// Returns δ at a point of W, as the engine computes it: negative outside.
 double depthAt(const SceneView& scene, Vec3 p_W_m);
-/// Returns the index of the layer at depth δ; −1 outside.
+/// Returns the index of the layer at depth δ; −1 outside. In a volume: on the way from the focus to the
+/// target.
 int layerAt(const SceneView& scene, double depth_m);
+/// Returns the index of the layer, in a volume of the structure, at a point of W; −1 outside.
+int layerAt(const SceneView& scene, Vec3 p_W_m);
 /// "skin", "deltoid muscle", …; "outside" for −1, "?" for an index that the scene does not have.
 const std::string& layerName(const SceneView& scene, int layer);
 /// Returns the middle of the needle's opening, where an injection leaves: `openingBehindTip_m` behind the

@@ -112,6 +112,7 @@ struct EchoTable {
       echoes[i] = echoOf(scene.layers[static_cast<std::size_t>(std::max(0, layerAt(scene, depth_m)))].tissue);
     }
     for (const LayerView& layer : scene.layers) {
+      if (!(layer.bottom_m > layer.top_m)) continue;  // a structure that is not below the focus
       const float strength = layer.tissue == pb::Layer::BONE ? 0.75F : layer.has_membrane ? 0.5F : 0.3F;
       const double wide_m = layer.tissue == pb::Layer::BONE ? 0.0006 : 0.0003;
       const double first_m = std::max(0.0, layer.top_m - 3 * wide_m);

@@ -11,6 +11,7 @@ namespace {
 
 constexpr Rgb kSteel = rgbOf(0xCBD3DC), kHubBlue = rgbOf(0x3F7FBF), kGlass = rgbOf(0xBFD9EA),
               kPlungerGrey = rgbOf(0x4A5361), kMarkInk = rgbOf(0x1B2A3A), kLiquid = rgbOf(0x8FC7F0);
+constexpr double kMark_m = 2.5e-3;
 constexpr Rgb kBackdropLow = rgbOf(0x171B21), kBackdropHigh = rgbOf(0x303947);
 
 float asFloat(double value) {
@@ -79,8 +80,13 @@ void SceneParts::drawStill(bool in_haste) {
   glClearDepth(1);
   glClear(GL_DEPTH_BUFFER_BIT);
   drawBackdrop();
-  drawSkin();
-  if (open) drawSection();
+  if (scene->body) {
+    const bool see_through = !open && frame->aids.has(pb::Exercise::TISSUES);
+    body.drawStill(*scene, *frame, seen, bodyCut(), see_through, in_haste);
+  } else {
+    drawSkin();
+    if (open) drawSection();
+  }
   solid.use();
   if (frame->aids.has(pb::Exercise::ANATOMY)) {
     glEnable(GL_BLEND);
@@ -94,7 +100,7 @@ void SceneParts::drawStill(bool in_haste) {
     glDepthFunc(GL_LEQUAL);
     drawAnatomy(1);
   }
-  if (open && !in_haste) {
+  if (open && !in_haste && !scene->body) {
     glEnable(GL_BLEND);
     glDepthMask(GL_FALSE);
     drawFrontSkin();
@@ -107,8 +113,14 @@ void SceneParts::drawStill(bool in_haste) {
 // Draws the needle faint inside the tissue and solid in front of it, then the transparent parts from the
 // inside outward.
 void SceneParts::drawMoving() {
-  solid.use();
   glEnable(GL_DEPTH_TEST);
+  if (scene->body && frame->show_needle) {
+    glDepthFunc(GL_LEQUAL);
+    body.drawShadow(seen, bodyCut());
+    if (frame->show_hand) body.drawHand(seen, frame->camera, frame->moment);
+  }
+  solid.use();
+  if (scene->body && frame->show_needle && frame->moment.inside) drawEntryMark();
   if (frame->aids.has(pb::Exercise::TISSUES)) {
     glEnable(GL_BLEND);
     glEnable(GL_CULL_FACE);
@@ -156,8 +168,12 @@ void SceneParts::setView(int width_px, int height_px) {
   cut_normal_W = insertion_plane.to_viewer_W;
   cut_place_W_m = insertion_plane.place_W_m - cut_normal_W * (0.10 * scene->extent_m);
 
+  if (const auto plane = bodyCut()) insertion_plane = *plane;
+
   const Vec3 forward = normalized(camera.focus_W_m - camera.eye_W_m());
   const Vec3 light = normalized(camera.upward_W() * 0.85 - camera.right_W() * 0.5 - forward * 0.75);
+  seen = {both, camera.eye_W_m(), light, camera.upward_W(),
+          static_cast<double>(width_px) / std::max(height_px, 1)};
   section.use();
   section.set("view_projection", both);
   solid.use();
@@ -169,7 +185,22 @@ void SceneParts::setView(int width_px, int height_px) {
   solid.set("cut", 0);
 }
 
-PixelRect SceneParts::movingRect(int width_px, int height_px) const {
+std::optional<PicturePlane> SceneParts::bodyCut() const {
+  if (!scene->body || !open) return std::nullopt;
+  const bool planned = frame->plan_W && frame->aids.has(pb::Exercise::PLANNED_LINE);
+  return bodyCutOf(*scene, frame->camera, frame->show_needle ? &frame->moment : nullptr,
+                   planned ? &*frame->plan_W : nullptr);
+}
+
+// A drop of blood where the needle went in.
+void SceneParts::drawEntryMark() {
+  const Vec3 out = dimpleOf(*scene, frame->moment)->normal_W;
+  const double down_m = dimpleOf(*scene, frame->moment)->depth_m, wide_m = 1.3e-3;
+  put(ball, modelMatrix(poseTowards(frame->moment.p_entry_W_m - out * down_m, out), {wide_m, wide_m, 0.4e-3}),
+      rgbOf(0x8C1D1D), 1, 0.5F);
+}
+
+PixelRect SceneParts::movingRect(int width_px, int height_px) {
   double left = width_px, right = 0, top = height_px, low = 0;
   bool all = false;
   const auto take = [&](Vec3 p_W_m, double radius_m) {
@@ -200,9 +231,18 @@ PixelRect SceneParts::movingRect(int width_px, int height_px) const {
   if (frame->show_needle) {
     const Moment& moment = frame->moment;
     takeInstrument(moment);
+    if (scene->body) {
+      for (const MeshVertex& vertex : body.makeShadow(*scene, seen, moment, syringe).vertices)
+        take({static_cast<double>(vertex.p_m[0]), static_cast<double>(vertex.p_m[1]),
+              static_cast<double>(vertex.p_m[2])},
+             0);
+      if (frame->show_hand)
+        for (const Vec3 corner_W_m : body.handBox(frame->camera, moment)) take(corner_W_m, 0);
+      if (moment.inside) take(moment.p_entry_W_m, 3e-3);
+    }
     if (moment.inside && frame->aids.has(pb::Exercise::GUIDES)) {
       const GuideCone guide = guideCone();
-      take(moment.p_entry_W_m - moment.u_W * guide.height_m, guide.radius_m);
+      if (frame->show_cone) take(moment.p_entry_W_m - moment.u_W * guide.height_m, guide.radius_m);
       take(moment.p_entry_W_m, 0.06 * scene->extent_m);
       if (isFinite(moment.wall_W_m)) take(moment.wall_W_m, 0.06 * scene->extent_m);
     }
@@ -291,6 +331,7 @@ void SceneParts::drawSection() {
 void SceneParts::drawAnatomy(float opacity) {
   for (std::size_t i = 0; i < hazards.size(); ++i) {
     const HazardView& hazard = scene->hazards[i];
+    if (hazard.structure) continue;  // it has a surface, or is in the cut: a ball within it says nothing
     // with a cut, objects off its plane fade, also in front of the tissue
     const float fading = open ? asFloat(offPlaneOpacity(offPlane_m(hazard, insertion_plane))) : 1.0F;
     const bool blends = opacity >= 1 && fading < 1;
@@ -305,12 +346,17 @@ void SceneParts::drawAnatomy(float opacity) {
       glDisable(GL_CULL_FACE);
     }
   }
-  // flat if its tissue is thinner than the ball
-  for (const TargetView& target : scene->targets)
+  for (const TargetView& target : scene->targets) {
+    // flat if its tissue is thinner than the ball; in a body, a mark at the place to aim at
+    const double mark_m = std::min(target.radius_m, kMark_m);
+    const Vec3 size_m = scene->body
+                            ? Vec3{mark_m, mark_m, mark_m}
+                            : Vec3{target.radius_m, target.radius_m, 0.5 * (target.bottom_m - target.top_m)};
     put(ball,
-        modelMatrix(poseTowards(target.middle_W_m, target.normal_W),
-                    {target.radius_m, target.radius_m, 0.5 * (target.bottom_m - target.top_m)}),
+        modelMatrix(poseTowards(scene->body ? target.center_W_m : target.middle_W_m, target.normal_W),
+                    size_m),
         kTargetColour, opacity < 1 ? 0.7F : 1, 0.2F);
+  }
 }
 
 void SceneParts::drawInstrument(const Moment& moment, Rgb steel, float opacity) {
@@ -350,7 +396,7 @@ void SceneParts::drawGuides() {
   const GuideCone guide = guideCone();
   const Matrix4 model = modelMatrix(poseTowards(moment.p_entry_W_m, -moment.u_W),
                                     {guide.radius_m, guide.radius_m, guide.height_m});
-  put(cone, model, tight ? kOrange : kBluishGreen, tight ? 0.22F : 0.13F, 0.1F, 0.35F);
+  if (frame->show_cone) put(cone, model, tight ? kOrange : kBluishGreen, tight ? 0.22F : 0.13F, 0.1F, 0.35F);
   if (!isFinite(moment.wall_W_m)) return;
   const double ring_m = 0.055 * scene->extent_m;
   glDisable(GL_DEPTH_TEST);

@@ -7,8 +7,10 @@
 #include <imgui/imgui.h>
 
 #include "client/view/gl_objects.h"
+#include "client/view/model/body/tissue_grain.h"
 #include "client/view/model/mesh.h"
 #include "client/view/model/scene_view.h"
+#include "client/view/scene/body_drawing.h"
 #include "client/view/scene/scene_frame.h"
 
 namespace needlelab {
@@ -43,6 +45,7 @@ struct SceneParts {
   std::vector<std::unique_ptr<GlMesh>> hazards;
   SyringeMesh syringe;
   std::shared_ptr<const SceneView> scene;
+  BodyDrawing body;  ///< if the scene has one
   double last_draw_s = 0;
   ImVec2 shown_corner_px;  ///< the picture's corner on the surface
 
@@ -50,6 +53,7 @@ struct SceneParts {
   const SceneFrame* frame = nullptr;
   PicturePlane insertion_plane;
   Vec3 cut_place_W_m, cut_normal_W;
+  ViewOfScene seen;
   bool open = false;  ///< the half facing the eye is removed
 
   /// `limb_too`: draws everything; otherwise only the moving parts.
@@ -58,7 +62,10 @@ struct SceneParts {
   void drawStill(bool in_haste);
   void drawMoving();
   /// Returns the rectangle that `drawMoving` covers.
-  [[nodiscard]] PixelRect movingRect(int width_px, int height_px) const;
+  [[nodiscard]] PixelRect movingRect(int width_px, int height_px);
+  /// The plane that cuts a body open; none if it is closed, or no body.
+  [[nodiscard]] std::optional<PicturePlane> bodyCut() const;
+  void drawEntryMark();
   [[nodiscard]] GuideCone guideCone() const;
   void drawBackdrop();
   void setView(int width_px, int height_px);
@@ -81,7 +88,7 @@ Matrix4 modelMatrix(const Pose& X, Vec3 scale = {1, 1, 1});
 Pose poseTowards(Vec3 p, Vec3 axis);
 
 inline constexpr int kTableDepths = 768, kTableAlong = 128;
-inline constexpr double kTablePeriod_m = 0.024;  ///< period along the layers
+inline constexpr double kTablePeriod_m = kGrainPeriod_m;
 
 /// Returns the tissues' colours over depth, as a texture for the cut. x: depth from 0 to `deepest_m`; y:
 /// along the layers, seamless. Each tissue has its own colour and grain (fat lobules, fibres of muscle and

@@ -156,7 +156,7 @@ void addMoment(std::vector<double>& key, const Moment& moment, const AidSet& aid
     for (const EffectEntry* effect : effectsAsShown()) addStepped(key, termOf(*effect, moment), kSeenForce_N);
 }
 
-std::vector<double> stillKey(const SceneFrame& frame, int width_px, int height_px) {
+std::vector<double> stillKey(const SceneView& scene, const SceneFrame& frame, int width_px, int height_px) {
   std::vector<double> key;
   key.push_back(width_px);
   key.push_back(height_px);
@@ -166,6 +166,18 @@ std::vector<double> stillKey(const SceneFrame& frame, int width_px, int height_p
              {camera.azimuth_rad, camera.elevation_rad, camera.distance_m, camera.field_of_view_rad,
               frame.cut_open ? 1.0 : 0.0, frame.aids.has(pb::Exercise::TISSUES) ? 1.0 : 0.0,
               frame.aids.has(pb::Exercise::ANATOMY) ? 1.0 : 0.0});
+  if (scene.body) {  // the cut and the dimple are at the needle
+    const bool inside = frame.show_needle && frame.moment.inside;
+    key.push_back(inside ? 1 : 0);
+    if (inside) {
+      addPlace(key, frame.moment.p_entry_W_m);
+      for (const double value : {frame.moment.u_W.x, frame.moment.u_W.y, frame.moment.u_W.z})
+        addStepped(key, value, kSeenAngle);
+    } else if (frame.plan_W && frame.aids.has(pb::Exercise::PLANNED_LINE)) {
+      addPlace(key, frame.plan_W->entry_W_m);
+      addPlace(key, frame.plan_W->to_W_m);
+    }
+  }
   return key;
 }
 
@@ -174,7 +186,8 @@ std::vector<double> movingKey(const SceneFrame& frame) {
   key.reserve(80);
   key.insert(key.end(), {frame.arrow_extents_per_N, frame.show_needle ? 1.0 : 0.0,
                          frame.aids.has(pb::Exercise::GUIDES) ? 1.0 : 0.0,
-                         frame.aids.has(pb::Exercise::ARROWS) ? 1.0 : 0.0});
+                         frame.aids.has(pb::Exercise::ARROWS) ? 1.0 : 0.0, frame.show_cone ? 1.0 : 0.0,
+                         frame.show_hand ? 1.0 : 0.0});
   if (frame.show_needle) addMoment(key, frame.moment, frame.aids);
   if (frame.second) addMoment(key, *frame.second, AidSet{});
   return key;
@@ -197,6 +210,7 @@ Result<std::unique_ptr<SceneRenderer>> SceneRenderer::make(int samples) {
   RETURN_IF_ERROR(parts->solid.build("solid", kSolidVertex, kSolidFragment));
   RETURN_IF_ERROR(parts->section.build("section", kSectionVertex, kSectionFragment));
   RETURN_IF_ERROR(parts->backdrop.build("backdrop", kBackdropVertex, kBackdropFragment));
+  RETURN_IF_ERROR(parts->body.build());
   parts->unit_square.upload(unitSquare());
   parts->ball.upload(ballMesh(1, 14));
   parts->arrow.upload(arrowMesh());
@@ -218,12 +232,16 @@ void SceneRenderer::setScene(std::shared_ptr<const SceneView> scene) {
   parts.hazards.clear();
   if (!parts.scene) return;
   const SceneView& view = *parts.scene;
-  parts.table.upload(tissueTable(view, deepestLayer_m(view)));
-  // the table repeats along the layers
-  glBindTexture(GL_TEXTURE_2D, static_cast<GLuint>(reinterpret_cast<std::uintptr_t>(parts.table.id())));
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
-  glBindTexture(GL_TEXTURE_2D, 0);
-  parts.skin.upload(layerSurface(view, 0));
+  if (view.body) {
+    parts.body.setScene(view);
+  } else {
+    parts.table.upload(tissueTable(view, deepestLayer_m(view)));
+    // the table repeats along the layers
+    glBindTexture(GL_TEXTURE_2D, static_cast<GLuint>(reinterpret_cast<std::uintptr_t>(parts.table.id())));
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    glBindTexture(GL_TEXTURE_2D, 0);
+    parts.skin.upload(layerSurface(view, 0));
+  }
   for (const HazardView& hazard : view.hazards) {
     parts.hazards.push_back(std::make_unique<GlMesh>());
     parts.hazards.back()->upload(tubeMesh(hazard.a_W_m, hazard.b_W_m, hazard.radius_m, 10, 36));
@@ -244,7 +262,7 @@ const SceneView* SceneRenderer::scene() const {
 bool SceneRenderer::draw(const SceneFrame& frame, int width_px, int height_px) {
   SceneParts& parts = *parts_;
   if (!parts.scene || width_px < 1 || height_px < 1) return false;
-  std::vector<double> still = stillKey(frame, width_px, height_px), moving = movingKey(frame);
+  std::vector<double> still = stillKey(*parts.scene, frame, width_px, height_px), moving = movingKey(frame);
   const bool still_changed = still != parts.still_key;
   // fine picture when the camera rests
   const bool turning = still_changed && parts.still_changed_before && parts.has_quick;
@@ -293,6 +311,10 @@ void SceneRenderer::show(ImDrawList& list, ImVec2 corner_px) {
         picture.showAt(all.x, all.y);
       },
       &parts);
+}
+
+const std::vector<BodySection::Name>& SceneRenderer::cutNames() const {
+  return parts_->body.names();
 }
 
 double SceneRenderer::lastDraw_s() const {

@@ -195,13 +195,34 @@ void drawTrails(ImDrawList& list, const PictureFrame& picture, const SceneFrame&
   }
 }
 
-void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneView& scene, const SceneFrame& frame,
-               float free_below_px) {
+// whether a target or a hazard has this name
+bool isMarked(const SceneView& scene, const std::string& name) {
+  const auto has = [&](const auto& marked) { return marked.name == name; };
+  return std::ranges::any_of(scene.targets, has) || std::ranges::any_of(scene.hazards, has);
+}
+
+// In a body, of bones, tendons, nerves and vessels: the layers beside the needle stand beside the picture.
+void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRenderer& renderer,
+               const SceneFrame& frame, float free_below_px) {
+  const SceneView& scene = *renderer.scene();
   WithFont font(Letters::kBody);
   const float margin_px = space() * 1.2F;
   const float from_px = picture.corner_px.y + margin_px, bottom_px = picture.corner_px.y + picture.size_px.y;
   std::vector<SceneLabel> layers, anatomy;
-  if (frame.aids.has(pb::Exercise::TISSUES) && frame.cut_open) {
+  if (scene.body) {
+    for (const BodySection::Name& name : renderer.cutNames()) {
+      const LayerView& structure = scene.layers[name.structure];
+      const StructureShape shape = shapeOf(structure);
+      const bool hidden = shape == StructureShape::kLine && !frame.aids.has(pb::Exercise::ANATOMY);
+      const auto at = picture.at(name.place_W_m);
+      if (!at || !picture.holds(*at) || hidden || shape == StructureShape::kSoft) continue;
+      if (isMarked(scene, structure.name)) continue;  // its mark has the name
+      // at the side that is nearer, so that leaders do not cross the picture
+      (at->x > picture.corner_px.x + 0.5F * picture.size_px.x ? anatomy : layers)
+          .push_back({*at, fittedText(structure.name, kNameShare * picture.size_px.x),
+                      structureColour(structure), 0});
+    }
+  } else if (frame.aids.has(pb::Exercise::TISSUES) && frame.cut_open) {
     for (const LayerView& layer : scene.layers) {
       const auto at = picture.at(layerAnchor(scene, layer, *picture.camera));
       if (at && picture.holds(*at))
@@ -211,12 +232,13 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneView& s
   }
   if (frame.aids.has(pb::Exercise::ANATOMY)) {
     for (const TargetView& target : scene.targets) {
-      const auto at = picture.at(target.middle_W_m);
+      const auto at = picture.at(scene.body ? target.center_W_m : target.middle_W_m);
       if (at && picture.holds(*at)) anatomy.push_back({*at, "◎ " + target.name, kTargetColour, 0});
     }
     const bool cut = frame.cut_open && frame.aids.has(pb::Exercise::TISSUES);
     const PicturePlane plane = insertionPlaneOf(scene, *picture.camera);
     for (const HazardView& hazard : scene.hazards) {
+      if (hazard.structure) continue;  // named where the cut shows it
       const auto at = picture.at(hazardAnchor(scene, hazard));
       if (at && picture.holds(*at))
         anatomy.push_back(
@@ -314,6 +336,22 @@ bool moveCamera(OrbitCamera& camera, const SceneView& scene, ImVec2 size_px) {
   return !(camera == before);
 }
 
+/// Switches between the cut and the skin as glass.
+void cutSwitch(const char* id, const PictureFrame& picture, SceneFrame& frame) {
+  WithFont font(Letters::kSmall);
+  const char* const words = frame.cut_open ? "skin as glass" : "cut open";
+  const ImVec2 padding = ImGui::GetStyle().FramePadding;
+  const float width_px = ImGui::CalcTextSize(words).x + 2 * padding.x;
+  const ImVec2 before = ImGui::GetCursorScreenPos();
+  // at the bottom's middle: names are at the sides, the scale and the legend in the corners
+  ImGui::SetCursorScreenPos({picture.corner_px.x + 0.5F * (picture.size_px.x - width_px),
+                             picture.corner_px.y + picture.size_px.y - ImGui::GetFontSize() - space()});
+  ImGui::PushID(id);
+  if (ImGui::SmallButton(words)) frame.cut_open = !frame.cut_open;
+  ImGui::PopID();
+  ImGui::SetCursorScreenPos(before);
+}
+
 }  // namespace
 
 SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFrame& frame, ImVec2 size_px,
@@ -333,6 +371,8 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
                          ImGuiButtonFlags_MouseButtonLeft | ImGuiButtonFlags_MouseButtonRight |
                              ImGuiButtonFlags_MouseButtonMiddle);
   result.hovered = ImGui::IsItemHovered();
+  const bool switches = scene->body && options.labels && frame.aids.has(pb::Exercise::TISSUES);
+  if (switches) ImGui::SetItemAllowOverlap();
   if (options.mouse_moves_camera) result.camera_moved = moveCamera(frame.camera, *scene, size_px);
   renderer.draw(frame, static_cast<int>(size_px.x), static_cast<int>(size_px.y));
 
@@ -345,8 +385,9 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   drawPlan(list, picture, frame);
   drawGuideLines(list, picture, *scene, frame);
   const float legend_px = options.legend ? drawLegend(list, picture, frame) : 0;
-  if (options.labels) drawNames(list, picture, *scene, frame, legend_px);
+  if (options.labels) drawNames(list, picture, renderer, frame, legend_px);
   if (options.labels) drawScaleBar(list, picture);
+  if (switches) cutSwitch(id, picture, frame);
   if (frame.show_needle && frame.moment.approximate) {
     WithFont font(Letters::kSmall);
     constexpr const char* kWords =

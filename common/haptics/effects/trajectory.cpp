@@ -16,6 +16,8 @@ namespace {
 constexpr double kSin80Degrees = 0.98480775301220805937;
 constexpr double kMinSlant = 0.05;
 constexpr double kBisection_rad = 1e-12;
+/// Closer to the tip than this, a new path does not change the layers along u.
+constexpr double kKeepAhead_m = 0.5e-3;
 constexpr double kNoEnd = std::numeric_limits<double>::infinity();
 
 double slantOf(Vec3 normal_W, Vec3 u_W) {
@@ -128,6 +130,13 @@ class Layering {
     const double friction = layer.friction_N_per_m;
     along_.spans[along_.count++] = {begin_m, end_m, friction, friction_N_ - friction * begin_m, index};
     friction_N_ += friction * (end_m - begin_m);
+  }
+  /// The last span goes on to here.
+  void extend(double end_m) {
+    assert(along_.count > 0);
+    LayerSpan& last = along_.spans[along_.count - 1];
+    friction_N_ += last.friction_N_per_m * (end_m - last.end_m);
+    last.end_m = end_m;
   }
   void close() {
     assert(along_.count > 0);
@@ -246,6 +255,45 @@ void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant
   layers.add(reach[0].end_m, kNoEnd, model.beyond, -1);
   layers.close();
   blendStiffness(model, along);
+}
+
+// appends the spans between two places, and joins those of one layer
+void appendSpans(const SceneModel& model, const LayersAlong& from, double begin_m, double end_m,
+                 LayersAlong& to, Layering& layers) {
+  for (std::uint32_t i = 0; i < from.count; ++i) {
+    const LayerSpan& span = from.spans[i];
+    const double first_m = std::max(span.begin_m, begin_m), last_m = std::min(span.end_m, end_m);
+    if (!(first_m < last_m)) continue;
+    const CompiledLayer& layer =
+        span.layer < 0 ? model.beyond : model.layers[static_cast<std::size_t>(span.layer)];
+    if (to.count > 0 && to.spans[to.count - 1].layer == span.layer)
+      layers.extend(last_m);
+    else
+      layers.add(first_m, last_m, layer, span.layer);
+  }
+}
+
+void relayLayers(const SceneModel& model, SimState& state) noexcept {
+  assert(state.inside && model.is_plane);
+  Tick tick;
+  project(state, state.p_prev_W_m, tick);
+  const double d_m = tick.insertion_m;
+  LayersAlong ahead;
+  layLayers(model, state.p_entry_W_m, state.u_W, state.slant, ahead);
+  const double before_J = fixtureEnergy(model, lateralStiffness(state.along, d_m).k_N_per_m, tick.lateral_m);
+  for (const double keep_m : {kKeepAhead_m, kBlend_m}) {
+    LayersAlong relaid;
+    Layering layers(relaid);
+    appendSpans(model, state.along, 0.0, d_m + keep_m, relaid, layers);
+    appendSpans(model, ahead, d_m + keep_m, kNoEnd, relaid, layers);
+    layers.close();
+    relaid.deepest_m = kNoEnd;
+    blendStiffness(model, relaid);
+    const double k_N_per_m = lateralStiffness(relaid, d_m).k_N_per_m;
+    if (keep_m < kBlend_m && fixtureEnergy(model, k_N_per_m, tick.lateral_m) > before_J) continue;
+    state.along = relaid;
+    return;
+  }
 }
 
 double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m) noexcept {

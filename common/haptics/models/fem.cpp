@@ -108,6 +108,7 @@ constinit const AxialEntry kFemEntry = {
     .steps = &kFemSteps,
     .renders = Fem::kRenders,
     .replaces = Fem::kReplaces,
+    .needs_shells = "its mesh has layers at fixed depths",
     .section = {.name = "fem",
                 .fields = kFemFields,
                 .table = "layers",

@@ -87,6 +87,7 @@ constinit const AxialEntry kPrecomputedEntry = {
     .steps = &kPrecomputedSteps,
     .renders = Precomputed::kRenders,
     .has_tracking_wall = true,
+    .needs_shells = "its table is over the depth below the skin",
     .section = {.name = "precomputed",
                 .table = "table",
                 .row_fields = kPrecomputedRow,

@@ -110,6 +110,7 @@ constinit const AxialEntry kStatisticalEntry = {
     .steps = &kStatisticalSteps,
     .renders = Statistical::kRenders,
     .has_tracking_wall = true,
+    .needs_shells = "its factors are over the depth below the skin",
     .section = {.name = "statistical",
                 .fields = kStatisticalFields,
                 .table = "table",

@@ -13,6 +13,7 @@
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/effects/trajectory.h"
 #include "common/haptics/scene_model.h"
+#include "common/haptics/tick.h"
 
 namespace needlelab {
 namespace {
@@ -135,6 +136,32 @@ void compileEffects(const SceneSpec& spec, SceneModel& model) {
   }
 }
 
+// a body without a path: no force, and no entry
+void stepNowhere(const SceneModel& model, const TipSample& sample, SimState& state,
+                 StepReport& report) noexcept {
+  if (!isFinite(sample)) return clearReport(report, 0.0, kFlagNotStepped);
+  clearReport(report, depthInLimb(model, sample.p_WT_m), 0);
+  state.p_prev_W_m = sample.p_WT_m;
+  state.depth_prev_m = report.depth_m;
+  state.has_prev = true;
+}
+
+// what a device must hold is that of a needle through all structures, bones last
+Result<SceneModel> compileBody(const SceneSpec& spec, double rate_hz) {
+  SceneSpec laid = spec;
+  laid.limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+  std::stable_partition(laid.layers.begin(), laid.layers.end(),
+                        [](const LayerSpec& layer) { return !layer.is_bone; });
+  auto model = compile(laid, rate_hz);
+  if (!model.ok()) return model;
+  model->limb = spec.limb;
+  model->is_plane = model->bone_is_plane = false;
+  model->hold = nullptr;
+  model->step_function = stepNowhere;
+  model->body_spec = std::make_shared<SceneSpec>(spec);
+  return model;
+}
+
 Limb withUnitNormal(const Limb& limb) {
   if (const auto* plane = std::get_if<PlaneLimb>(&limb))
     return PlaneLimb{plane->point_m, normalized(plane->normal)};
@@ -152,6 +179,8 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
     return Error{ErrorCode::kInvalidInput,
                  "fem: the scene's axial_model is FEM and its mesh was not computed: this program does not "
                  "render FEM"};
+
+  if (std::holds_alternative<BodyLimb>(spec.limb)) return compileBody(spec, rate_hz);
 
   SceneModel model;
   model.rate_hz = rate_hz;

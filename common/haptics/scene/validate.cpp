@@ -37,6 +37,9 @@ void checkLimb(const Limb& limb, SpecChecker& check) {
     check.require(norm(capsule->b_m - capsule->a_m) >= kShortestVector, "b_m",
                   "is the same point as a_m: a capsule needs a segment (use a sphere otherwise)");
     check.number("radius_m", capsule->radius_m, kLength);
+  } else if (const auto* body = std::get_if<BodyLimb>(&limb)) {
+    check.enter("");
+    check.require(body->body != nullptr, "volume", "is missing");
   }
 }
 
@@ -156,6 +159,9 @@ void checkModel(const SceneSpec& spec, SpecChecker& check) {
   const AxialEntry& axial = axialEntry(spec.axial_model);
   const AxialSection& section = axial.section;
   check.enter("");
+  check.require(axial.needs_shells.empty() || !std::holds_alternative<BodyLimb>(spec.limb), "axial_model",
+                fmt::format("is {}, which does not work in a volume: {}", axialModelName(spec.axial_model),
+                            axial.needs_shells));
   for (const EffectEntry* entry : effectEntries())
     check.require(
         (spec.effects & axial.replaces & bitOf(entry->effect)) == 0, "effects",

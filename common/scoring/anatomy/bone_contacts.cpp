@@ -2,10 +2,13 @@
 
 #include <algorithm>
 
+#include "common/profile/layer_names.h"
+
 namespace needlelab {
 
 BoneContacts::BoneContacts(const pb::Profile& profile, const Anatomy& anatomy) {
-  for (const pb::Layer& layer : profile.layers()) is_bone_.push_back(layer.tissue() == pb::Layer::BONE);
+  for (const pb::Layer* layer : profileLayers(profile))
+    is_bone_.push_back(layer->tissue() == pb::Layer::BONE);
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i)
     if (profile.hazards(static_cast<int>(i)).kind() == pb::Hazard::BONE) bones_.push_back(anatomy.hazards[i]);
 }

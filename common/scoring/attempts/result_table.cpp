@@ -1,10 +1,10 @@
 #include "common/scoring/attempts/result_table.h"
 
 #include <algorithm>
-#include <numbers>
 #include <optional>
 
 #include "common/base/time/clock.h"
+#include "common/base/units.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 
@@ -22,16 +22,11 @@ const char* verdictOf(const pb::ResultCell& cell) {
 
 }  // namespace
 
-ColumnUnit columnUnitOf(std::string_view name) {
+ShownUnit columnUnitOf(std::string_view name) {
   const MeasureKind* const kind = measureKind(name);
   if (kind == nullptr) return {};
   if (kind->form == MeasureForm::kShare) return {100, "%"};
-  if (kind->unit == "m") return {1e3, "mm"};
-  if (kind->unit == "m/s") return {1e3, "mm/s"};
-  if (kind->unit == "m^2") return {1e4, "cm²"};
-  if (kind->unit == "J") return {1e3, "mJ"};
-  if (kind->unit == "rad") return {180 / std::numbers::pi, "°"};
-  return {1, kind->unit};
+  return shownUnitOf(kind->unit);
 }
 
 void ResultTable::begin(std::string& out, const pb::Results& first) {
@@ -44,7 +39,7 @@ void ResultTable::begin(std::string& out, const pb::Results& first) {
     appendCsvText(out, column, style_.separator);
   }
   for (const std::string& name : measures_) {
-    const std::string_view unit = columnUnitOf(name).unit;
+    const std::string_view unit = columnUnitOf(name).name;
     std::string title = measureWords(name);
     if (!unit.empty()) title.append(" [").append(unit).append("]");
     out += style_.separator;

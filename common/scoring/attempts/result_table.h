@@ -9,17 +9,14 @@
 
 #include "common/base/result.h"
 #include "common/base/text/csv.h"
+#include "common/base/units.h"
 #include "needlelab/teaching.pb.h"
 
 namespace needlelab {
 
 /// The unit in which all values of a measure are shown in one column: mm, mm/s, mJ, cm², °, s, N, % for
 /// shares, none for counts. `name`: of a score's row; unknown ones are not converted.
-struct ColumnUnit {
-  double per_si = 1;  ///< shown value = value in SI * per_si
-  std::string_view unit;
-};
-ColumnUnit columnUnitOf(std::string_view name);
+ShownUnit columnUnitOf(std::string_view name);
 
 /// CSV by RFC 4180, UTF-8 with a byte order mark. Columns: person, full name, groups (separated by "; "),
 /// exercise, verdict (verdictName(), "not tried", "excused": no attempt counts), attempts that count,

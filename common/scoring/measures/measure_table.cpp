@@ -7,9 +7,9 @@
 #include <cassert>
 #include <charconv>
 #include <cmath>
-#include <numbers>
 
 #include "common/base/text/text.h"
+#include "common/base/units.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
@@ -127,13 +127,12 @@ std::string measureWords(std::string_view name, std::span<const std::string> lay
 }
 
 std::string valueText(double value, const std::string& unit) {
-  const double size = std::abs(value);
-  if (unit == "m") return size < 1 ? threeDigits(value * 1e3) + " mm" : threeDigits(value) + " m";
-  if (unit == "m/s") return size < 1 ? threeDigits(value * 1e3) + " mm/s" : threeDigits(value) + " m/s";
-  if (unit == "J") return size < 1 ? threeDigits(value * 1e3) + " mJ" : threeDigits(value) + " J";
-  if (unit == "m^2") return threeDigits(value * 1e4) + " cm²";
-  if (unit == "rad") return threeDigits(value * 180 / std::numbers::pi) + "°";
-  return unit.empty() ? threeDigits(value) : threeDigits(value) + " " + unit;
+  ShownUnit shown = shownUnitOf(unit);
+  // from 1 on as it is: 1.2 m, 2 J
+  if (!(std::abs(value) < 1) && (unit == "m" || unit == "m/s" || unit == "J")) shown = {1, unit};
+  std::string text = threeDigits(value * shown.per_si);
+  if (!shown.name.empty() && unit != "rad") text += " ";
+  return text.append(shown.name);
 }
 
 std::string percentText(double share) {

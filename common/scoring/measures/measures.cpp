@@ -273,7 +273,12 @@ struct GestureScore::Parts {
 
 bool GestureScore::Parts::passOver(StepWork& work) {
   const Anatomy& anatomy = gesture->anatomy;
-  const std::uint64_t cost = 1 + (anatomy.targets.size() + anatomy.hazards.size()) / kRegionsAsASample;
+  // a shaft is followed along a structure in steps
+  constexpr std::uint64_t kStructureAsSamples = 16;
+  const auto structures = static_cast<std::uint64_t>(std::ranges::count_if(
+      anatomy.hazards, [](const Region& hazard) { return hazard.structure != nullptr; }));
+  const std::uint64_t cost = 1 + (anatomy.targets.size() + anatomy.hazards.size()) / kRegionsAsASample +
+                             kStructureAsSamples * structures;
   for (; next_sample < samples.size(); ++next_sample) {
     if (work.isOver()) return false;
     work.spend(cost);
@@ -296,8 +301,10 @@ bool GestureScore::Parts::goOn(StepWork& work) {
       return true;
     case Stage::kRuns:
       if (!runs.step(work)) return false;
-      gesture.emplace(Gesture{samples, rate_hz, runs.take(), anatomyOf(profile, X_WL), &profile,
-                              exercise == nullptr ? std::nullopt : plannedLineOf(*exercise, X_WL)});
+      gesture.emplace(Gesture{samples, rate_hz, runs.take(), anatomyOf(profile, X_WL), &profile, {}});
+      if (exercise != nullptr) gesture->plan_W = plannedLineOf(*exercise, X_WL);
+      if (gesture->plan_W && gesture->anatomy.has_limb)
+        gesture->plan_W = onSkin(*gesture->plan_W, gesture->anatomy.limb).value_or(*gesture->plan_W);
       facts.gesture = &*gesture;
       groups = sampleGroups(facts);
       syringe = syringeEventsInSteps(samples, rate_hz, profile, X_WL);

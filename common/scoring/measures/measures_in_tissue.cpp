@@ -9,6 +9,7 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
+#include "common/profile/layer_names.h"
 #include "common/scoring/anatomy/bone_contacts.h"
 #include "common/scoring/anatomy/contacts.h"
 #include "common/scoring/measures/measure_groups.h"
@@ -188,7 +189,7 @@ class TissueGroup : public SampleGroup {
  public:
   explicit TissueGroup(GestureFacts& facts)
       : gesture_(*facts.gesture), facts_(facts), counts_(gesture_.rate_hz), inefficiency_(gesture_) {
-    facts_.layers.resize(static_cast<std::size_t>(gesture_.profile->layers_size()));
+    facts_.layers.resize(profileLayers(*gesture_.profile).size());
   }
 
   void add(std::size_t i) override {

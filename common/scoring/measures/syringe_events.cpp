@@ -43,8 +43,8 @@ struct Surroundings {
 Surroundings surroundingsOf(const pb::Profile& profile, const Pose& X_WL) {
   Surroundings all{
       anatomyOf(profile, X_WL), {}, layerNames(profile), openingBehindTip_m(needleOf(profile.needle()))};
-  for (const pb::Layer& layer : profile.layers())
-    all.tissues.push_back(pb::Layer::Tissue_Name(layer.tissue()));
+  for (const pb::Layer* layer : profileLayers(profile))
+    all.tissues.push_back(pb::Layer::Tissue_Name(layer->tissue()));
   return all;
 }
 

@@ -9,6 +9,7 @@
 
 #include "common/base/text/text.h"
 #include "common/haptics/surface.h"
+#include "common/scoring/anatomy/structure_region.h"
 #include "common/scoring/measures/measure_groups.h"
 
 namespace needlelab {
@@ -19,8 +20,15 @@ constexpr double kNamed = 0.3826834323650898;
 /// Smaller values read as "0.0 mm".
 constexpr double kShown_m = 0.05e-3;
 
-/// Whether a ball extends across the middle of a limb, where depths end and the skin's normal reverses.
+/// Whether a ball extends across the middle of a limb, where depths end and the skin's normal reverses. In a
+/// volume, where depth no longer grows straight in from the ball's centre to its end.
 bool containsCentre(const Anatomy& anatomy, const Region& ball) {
+  if (std::holds_alternative<BodyLimb>(anatomy.limb)) {
+    constexpr double kGrows = 0.9;
+    const Vec3 in = -surfaceNormal(anatomy.limb, ball.a_W_m, {0, 0, -1});
+    const double grown_m = depthAt(anatomy, ball.a_W_m + in * ball.radius_m) - depthAt(anatomy, ball.a_W_m);
+    return grown_m < kGrows * ball.radius_m;
+  }
   const double reach_m = depthAt(anatomy, ball.a_W_m) + ball.radius_m;
   if (const auto* sphere = std::get_if<SphereLimb>(&anatomy.limb)) return reach_m > sphere->radius_m;
   if (const auto* capsule = std::get_if<CapsuleLimb>(&anatomy.limb)) return reach_m > capsule->radius_m;
@@ -37,6 +45,10 @@ double beyond(DepthSpan span, double depth_m) {
 double tooDeep(const Anatomy& anatomy, const Target& target, double depth_m) {
   const double at_m = depthAt(anatomy, target.ball.a_W_m);
   const DepthSpan ball{at_m - target.ball.radius_m, at_m + target.ball.radius_m};
+  if (target.tissue_region != nullptr) {
+    const DepthSpan span = depthSpanOf(anatomy, target);
+    return beyond(span.top_m < span.bottom_m ? span : ball, depth_m);
+  }
   if (target.tissues.empty()) return beyond(ball, depth_m);
   double nearest_m = std::numeric_limits<double>::infinity();
   for (const DepthSpan& tissue : target.tissues) {
@@ -81,6 +93,16 @@ Miss missAt(const Anatomy& anatomy, const pb::Directions& directions, const Pose
   Miss miss;
   miss.in_target = distance(target) <= 0;
   if (miss.in_target) return miss;
+  if (target.ball.structure != nullptr) {
+    // from the structure's nearest point, along the skin's normal and across it
+    const Vec3 nearest = target.ball.structure->nearest(p_W_m), way = p_W_m - nearest;
+    const Vec3 normal = surfaceNormal(anatomy.limb, p_W_m, nearest - p_W_m);
+    miss.too_deep_m = -dot(way, normal);
+    const Vec3 across = way + miss.too_deep_m * normal;
+    miss.aside_m = norm(across);
+    miss.towards = namesOf(directions, rotate(to_L, across));
+    return miss;
+  }
   if (!anatomy.has_limb || containsCentre(anatomy, target.ball)) {
     miss.has_depth = false;
     miss.aside_m = distance(target);

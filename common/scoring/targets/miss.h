@@ -25,9 +25,11 @@ struct Miss {
   At at = At::kFurthest;
   bool in_target = false;
   /// Distance from the edge of the target's ball after moving the point along the skin's normal to one of the
-  /// target's depths; 0: only the depth is wrong.
+  /// target's depths; 0: only the depth is wrong. Of a structure: the way from its nearest point, across the
+  /// skin's normal.
   double aside_m = 0;
-  /// Distance beyond the target's depths: above 0 is too deep, below 0 too shallow.
+  /// Distance beyond the target's depths: above 0 is too deep, below 0 too shallow. Of a structure: the way
+  /// from its nearest point, along the skin's normal.
   double too_deep_m = 0;
   /// False: the target contains the middle of the limb, where depth has no direction; `aside_m` is then the
   /// whole miss.

@@ -1,4 +1,4 @@
--- Schema version 1 on PostgreSQL: as db/migrations/0001_first.sql, which has the reasons (a test holds one against the other).
+-- Schema version 1 on PostgreSQL: as db/migrations/0001_first.sql, which has the reasons (a test compares the two).
 -- Whole numbers are BIGINT; texts compare byte by byte (COLLATE "C"), as SQLite's do.
 
 -- Functions of SQLite that the stores use.
@@ -77,7 +77,7 @@ CREATE VIEW accounts AS
   FROM names n JOIN people p ON p.id = n.person WHERE n.typed = 0;
 CREATE VIEW called AS
   SELECT p.ref, n.name, n.folded, n.full_name, n.typed FROM names n JOIN people p ON p.id = n.person;
--- What was typed at a station and is an account's name by now: lists of trainees show the account.
+-- Names that were typed at a station and are an account's by now: lists of trainees show the account.
 CREATE VIEW names_taken AS
   SELECT p.ref FROM names n JOIN people p ON p.id = n.person
   WHERE n.typed = 1 AND EXISTS (SELECT 1 FROM names a WHERE a.folded = n.folded AND a.typed = 0);
@@ -442,7 +442,7 @@ CREATE TABLE attempt_sums (
 );
 CREATE INDEX attempt_sums_by_trainee ON attempt_sums (trainee);
 
--- Whatever changes a session's share takes the share from the sums before and adds it after: sign -1, then 1.
+-- Each change of a session's share subtracts the share from the sums before and adds it after: sign -1, then 1.
 CREATE FUNCTION step_attempts(of_session BIGINT, sign BIGINT) RETURNS void LANGUAGE plpgsql AS $$
 BEGIN
   INSERT INTO attempt_sums AS t (exercise_id, trainee, sessions, attempts, counted, judged, passed)
@@ -536,10 +536,10 @@ CREATE TABLE noted_reads (
 );
 CREATE INDEX noted_reads_by_time ON noted_reads (at_ns);
 
--- Names have their schema: whoever disables somebody by psql has another search_path.
+-- Names have their schema: a person who disables an account by psql has another search_path.
 
 -- The row of the last number is held to the transaction's end, so numbers are committed in their order, also beside a writer that
--- does not hold the lock of the store: who has seen a number has seen all before it.
+-- does not hold the lock of the store: a reader that has seen a number has seen all earlier ones.
 CREATE FUNCTION raise_access(of_what BIGINT, of_name TEXT, in_a_word TEXT) RETURNS VOID LANGUAGE plpgsql AS $$
 DECLARE
   next BIGINT;

@@ -87,7 +87,7 @@ void Hub::switchPeer(Station& station, HubPeer* peer) {
   station.peer = peer;
   station.epoch = 0;
   station.watch_announced = false;
-  station.announced_rate_hz = station.thinned_hz = 0;
+  station.announced_rate_hz = station.reduced_hz = 0;
   if (peer == nullptr) return;
   peer->station_ = &station;
   ++online_;
@@ -217,7 +217,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const std::string& name, const LiveF
 }
 
 std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrameView& frame,
-                                            std::int64_t now_ns, double thinned_hz) {
+                                            std::int64_t now_ns, double reduced_hz) {
   if (frame.data.size() > settings_.max_frame_bytes) {
     return makeRefusal(pb::Refusal::TOO_LARGE, fmt::format("a live frame of {} bytes: the limit is {}",
                                                            frame.data.size(), settings_.max_frame_bytes));
@@ -226,6 +226,11 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     return makeRefusal(pb::Refusal::TOO_LARGE,
                        fmt::format("a live frame's cut_memory of {} bytes: the limit is {}",
                                    frame.cut_memory.size(), settings_.max_cut_memory_bytes));
+  }
+  if (frame.paths.size() > settings_.max_paths_bytes) {
+    return makeRefusal(pb::Refusal::TOO_LARGE,
+                       fmt::format("a live frame's paths of {} bytes: the limit is {}", frame.paths.size(),
+                                   settings_.max_paths_bytes));
   }
   if (auto wrong = checkSessionId("live_frame", frame.session_id)) return wrong;
   // constant columns take no bytes, so a small frame could take a second to decode, here and in each viewer
@@ -245,22 +250,22 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     refreshWatch(station);
   }
 
-  // another server starts or stops thinning, so the frame numbers change
-  if (std::exchange(station.thinned_hz, thinned_hz) != thinned_hz)
-    for (auto& [rate_hz, frames] : station.thinned) frames.otherNumbers();
+  // another server starts or stops reducing the rate, so the frame numbers change
+  if (std::exchange(station.reduced_hz, reduced_hz) != reduced_hz)
+    for (auto& [rate_hz, frames] : station.reduced) frames.otherNumbers();
 
   // all full-rate viewers share one encoded frame; so do all viewers of each lower rate
   LiveSamples samples(frame.data);
   Frame full;
-  std::map<double, Frame> thinned;
+  std::map<double, Frame> reduced;
   forEachWatcher(station, [&](Subscription& watcher) {
     Frame* to_send = &full;
     if (watcher.rate_hz > 0) {
-      const auto [made, is_new] = thinned.try_emplace(watcher.rate_hz);
+      const auto [made, is_new] = reduced.try_emplace(watcher.rate_hz);
       if (is_new)
-        made->second = thin(station, watcher.rate_hz, frame, samples, watcher.rate_hz == thinned_hz);
+        made->second = reduce(station, watcher.rate_hz, frame, samples, watcher.rate_hz == reduced_hz);
       to_send = &made->second;
-    } else if (!full && thinned_hz == 0) {
+    } else if (!full && reduced_hz == 0) {
       full = encodeLiveFrame(frame, name);
     }
     if (!*to_send) return;
@@ -268,7 +273,7 @@ std::optional<pb::Refusal> Hub::onLiveFrame(const HubPeer& from, const LiveFrame
     ++frames_out_;
   });
   // drop rates that have no viewer any more
-  std::erase_if(station.thinned, [&](const auto& entry) { return !thinned.contains(entry.first); });
+  std::erase_if(station.reduced, [&](const auto& entry) { return !reduced.contains(entry.first); });
 
   // a station that sends frames need not send status lines: build overview lines from the samples
   if ((!overviews_.empty() || keep_fresh_) && !from.isRemote() &&
@@ -433,14 +438,14 @@ void Hub::sendOverview(const Station& station, std::int64_t now_ns) {
   }
 }
 
-/// `is_thinned`: another server has already thinned it to this rate.
-Frame Hub::thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
-                bool is_thinned) {
+/// `is_reduced`: another server has already reduced it to this rate.
+Frame Hub::reduce(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
+                  bool is_reduced) {
   assert(rate_hz > 0);
-  ThinnedFrames& frames = station.thinned.try_emplace(rate_hz, rate_hz).first->second;
-  Frame made = is_thinned ? frames.asItIs(frame, station.status.station())
+  ReducedFrames& frames = station.reduced.try_emplace(rate_hz, rate_hz).first->second;
+  Frame made = is_reduced ? frames.asItIs(frame, station.status.station())
                           : frames.next(frame, samples, station.status.station());
-  if (made) ++frames_thinned_;
+  if (made) ++frames_reduced_;
   return made;
 }
 

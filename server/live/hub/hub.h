@@ -17,7 +17,7 @@
 #include "common/wire/protocol.h"
 #include "needlelab/control.pb.h"
 #include "needlelab/envelope.pb.h"
-#include "server/live/hub/live_thinning.h"
+#include "server/live/hub/rate_reduction.h"
 
 namespace needlelab {
 
@@ -37,7 +37,7 @@ class HubPeer {
   [[nodiscard]] virtual bool isRemote() const { return false; }
   /// Another server claims the station with a newer log-in. The hub believes it until that claim ends.
   virtual void onDisplaced() {}
-  /// For a station: whether it has viewers. `rate_hz`: the thinned rate if all viewers use the same one; 0:
+  /// For a station: whether it has viewers. `rate_hz`: the reduced rate if all viewers use the same one; 0:
   /// the rates differ, or a viewer wants all samples. Passed only for a station on another server. Sends a
   /// WatchState.
   virtual void onWatched(bool watched, double rate_hz);
@@ -55,6 +55,7 @@ struct HubSettings {
   std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data
   std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
   std::size_t max_cut_memory_bytes = 1024;  ///< of a live frame; stations send 980 at most
+  std::size_t max_paths_bytes = 32'768;     ///< of a live frame; stations send some hundred
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
   std::string server_name{};                ///< for StationStatus.server; empty: the only server of the lab
 };
@@ -84,9 +85,9 @@ class Hub {
   std::optional<pb::Refusal> onStatus(const std::string& name, const pb::StationStatus& status,
                                       std::int64_t now_ns);
   /// Returns a refusal when the frame is too large, claims too many samples or its session_id is invalid.
-  /// `thinned_hz`: the rate to which another server has thinned it; 0: it has all samples.
+  /// `reduced_hz`: the rate to which another server has reduced it; 0: it has all samples.
   std::optional<pb::Refusal> onLiveFrame(const HubPeer& from, const LiveFrameView& frame, std::int64_t now_ns,
-                                         double thinned_hz = 0);
+                                         double reduced_hz = 0);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const LiveFrameView& frame,
                                          std::int64_t now_ns);
   std::optional<pb::Refusal> onLiveFrame(const std::string& name, const pb::LiveFrame& frame,
@@ -122,7 +123,7 @@ class Hub {
 
   // --- viewers
   /// Sends Subscribed and the station's newest status (online or not), or returns the refusal. Samples of a
-  /// station or session are sent at thinnedRateOf the requested rate.
+  /// station or session are sent at reducedRateOf the requested rate.
   std::optional<pb::Refusal> subscribe(HubPeer& viewer, const pb::Subscribe& wanted, std::int64_t now_ns);
   std::optional<pb::Refusal> unsubscribe(HubPeer& viewer, std::uint32_t subscription);
   void detachViewer(const HubPeer& viewer);
@@ -144,8 +145,8 @@ class Hub {
   [[nodiscard]] std::uint64_t framesOut() const { return frames_out_; }
   /// Received frames whose samples were needed here.
   [[nodiscard]] std::uint64_t framesDecoded() const { return frames_decoded_; }
-  /// Frames made for viewers with a rate: one per station and rate of kThinnedRates_hz, for all its viewers.
-  [[nodiscard]] std::uint64_t framesThinned() const { return frames_thinned_; }
+  /// Frames made for viewers with a rate: one per station and rate of kReducedRates_hz, for all its viewers.
+  [[nodiscard]] std::uint64_t framesReduced() const { return frames_reduced_; }
 
  private:
   struct Station;
@@ -153,7 +154,7 @@ class Hub {
     HubPeer* viewer = nullptr;
     std::uint32_t number = 0;
     std::string station, session_id;  // both empty: the overview
-    double rate_hz = 0;  // 0: all samples; overview: lines per second; otherwise a rate of thinnedRateOf
+    double rate_hz = 0;  // 0: all samples; overview: lines per second; otherwise a rate of reducedRateOf
     std::unordered_map<const Station*, std::int64_t>
         last_line_ns;  // overview: time of the last line for each station
   };
@@ -172,12 +173,12 @@ class Hub {
     std::uint64_t displaced_epoch = 0;
     bool watch_announced = false;
     double announced_rate_hz = 0;  // with watch_announced, for a station on another server
-    double thinned_hz = 0;         // of the last frame
+    double reduced_hz = 0;         // of the last frame
     pb::StationStatus status;
     std::int64_t status_ns = 0;
     std::string kept_session, trainee_ref;  // the last session that the server stores, and its trainee
     std::vector<Subscription*> watchers;
-    std::map<double, ThinnedFrames> thinned;  // by rate: those with a viewer at the last frame
+    std::map<double, ReducedFrames> reduced;  // by rate: those with a viewer at the last frame
   };
   /// Maximum size of the statuses in one message or one overview answer; leaves space for its other fields.
   static constexpr std::size_t kMaxStatusBytes = kMaxFrameBytes - (64u << 10);
@@ -193,8 +194,8 @@ class Hub {
   void forgetIfUnused(const std::string& name);
   void announce(const Station& station) const;
   void sendOverview(const Station& station, std::int64_t now_ns);
-  Frame thin(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
-             bool is_thinned);
+  Frame reduce(Station& station, double rate_hz, const LiveFrameView& frame, LiveSamples& samples,
+               bool is_reduced);
   void switchPeer(Station& station, HubPeer* peer);
   void notifyViewers(const Station& station, std::int64_t now_ns);
   [[nodiscard]] pb::StationStatus offlineStatus(const std::string& name);
@@ -219,7 +220,7 @@ class Hub {
   bool keep_fresh_ = false;
   std::size_t online_ = 0, remote_count_ = 0;  // online_ includes remote_count_
   std::uint64_t looked_at_ = 0;
-  std::uint64_t frames_in_ = 0, frames_out_ = 0, frames_decoded_ = 0, frames_thinned_ = 0;
+  std::uint64_t frames_in_ = 0, frames_out_ = 0, frames_decoded_ = 0, frames_reduced_ = 0;
 };
 
 }  // namespace needlelab

@@ -66,7 +66,7 @@ std::optional<pb::Refusal> Hub::subscribe(HubPeer& viewer, const pb::Subscribe& 
   subscription.session_id = wanted.session_id();
   const bool is_overview = wanted.station().empty() && wanted.session_id().empty();
   subscription.rate_hz =
-      is_overview || wanted.rate_hz() == 0 ? wanted.rate_hz() : thinnedRateOf(wanted.rate_hz());
+      is_overview || wanted.rate_hz() == 0 ? wanted.rate_hz() : reducedRateOf(wanted.rate_hz());
   Viewer& mine = viewers_[&viewer];
   mine.account = account;
   mine.by_number.emplace(subscription.number, std::move(owned));

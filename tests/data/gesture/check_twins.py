@@ -82,15 +82,36 @@ def cut_memory(data):
     return {"tick": tick, "insertions": insertions, "next": place, "tracks": tracks}
 
 
+def paths_in(data):
+    paths, at = [], 0
+    while at < len(data):
+        end = at + 2 + struct.unpack_from("<H", data, at)[0]
+        version, layers, bones, tick, *numbers = struct.unpack_from("<BBBQ7d", data, at + 2)
+        assert version == 1
+        at += 2 + 67
+        path = {"tick": tick, "point_m": numbers[:3], "normal": numbers[3:6], "changes_from_m": numbers[6], "layers": [], "bones": []}
+        for _ in range(layers):
+            path["layers"].append(list(struct.unpack_from("<Bd", data, at)))
+            at += 9
+        for _ in range(bones):
+            *plane, structure = struct.unpack_from("<6dB", data, at)
+            path["bones"].append({"point_m": plane[:3], "normal": plane[3:], "structure": structure})
+            at += 49
+        assert at == end
+        paths.append(path)
+    return paths
+
+
 def read_chunk(data):
-    assert data[:4] == b"NLGC" and data[4] in (1, 2)
+    assert data[:4] == b"NLGC" and data[4] in (1, 2, 3)
     assert struct.unpack("<I", data[-4:])[0] == crc32c(data[:-4]), "CRC"
     code = data[5]
     count = struct.unpack_from("<H", data, 6)[0] + 1
     first_tick, last_tick, first_time, slope, raw = struct.unpack_from("<QQqqI", data, 8)
     steps = struct.unpack_from("<6d", data, 44) if code == 0 else STANDARD if code == 1 else (0.0,) * 6
     columns = Columns(data, 92 if code == 0 else 44, len(data) - 4)
-    cuts = columns.take(struct.unpack("<H", columns.take(2))[0]) if data[4] == 2 else b""
+    cuts = columns.take(struct.unpack("<H", columns.take(2))[0]) if data[4] >= 2 else b""
+    paths = columns.take(struct.unpack("<H", columns.take(2))[0]) if data[4] == 3 else b""
     wide = raw | 3
 
     table = [[0], [0]]
@@ -131,7 +152,7 @@ def read_chunk(data):
         samples.append(s)
     assert samples[-1]["tick"] == last_tick
     keys = ("length_m", "quaternion", "force_n", "torque_nm", "time_s", "speed_m_s")
-    more = {"cut_memory": cut_memory(cuts)} if cuts else {}
+    more = ({"cut_memory": cut_memory(cuts)} if cuts else {}) | ({"paths": paths_in(paths)} if paths else {})
     return {"version": data[4], "count": count, "first_tick": first_tick, "last_tick": last_tick, "first_time_ns": first_time,
             "lossless_columns": raw & ~declared, "resolution": dict(zip(keys, steps)), "samples": samples} | more
 

@@ -44,12 +44,12 @@ def sealed(body):
     return body + struct.pack("<I", crc32c(body))
 
 
-def chunk(code=1, samples=SAMPLES, last=None, raw=0, steps=b"", cuts=None, row=None, blocks=None):
-    """`cuts`: the memory of the cut with its length (version 2)."""
+def chunk(code=1, samples=SAMPLES, last=None, raw=0, steps=b"", cuts=None, paths=None, row=None, blocks=None):
+    """`cuts`: the memory of the cut with its length (version 2); `paths`: the paths with theirs (version 3, with `cuts`)."""
     last = 100 + samples - 1 if last is None else last
-    head = b"NLGC" + struct.pack("<BBHQQqqI", 1 if cuts is None else 2, code, samples - 1, 100, last, 5_000_000, 1_000_000, raw)
+    head = b"NLGC" + struct.pack("<BBHQQqqI", 1 if cuts is None else 2 if paths is None else 3, code, samples - 1, 100, last, 5_000_000, 1_000_000, raw)
     blocks = [block(), block()] if blocks is None else blocks
-    return sealed(head + steps + (cuts or b"") + (first_row() if row is None else row) + b"".join(blocks))
+    return sealed(head + steps + (cuts or b"") + (paths or b"") + (first_row() if row is None else row) + b"".join(blocks))
 
 
 def listed(length=1e-6):
@@ -73,6 +73,12 @@ def refused():
     yield "a memory of the cut of 1,025 bytes", chunk(cuts=struct.pack("<H", 1025) + bytes(1025))
     yield "an end within the memory of the cut", chunk(cuts=struct.pack("<H", 1024) + bytes(100))
     yield "an end within the length of the memory of the cut", sealed(chunk(cuts=b"")[:45])
+    none = struct.pack("<H", 0)
+    yield "paths of no bytes", chunk(cuts=none, paths=none)
+    yield "paths of 32,769 bytes, as their length says", chunk(cuts=none, paths=struct.pack("<H", 32769) + bytes(100))
+    yield "an end within the paths", chunk(cuts=none, paths=struct.pack("<H", 32768) + bytes(100))
+    yield "an end within the length of the paths", sealed(chunk(cuts=none, paths=b"")[:47])
+    yield "a memory of the cut of 1,025 bytes before paths", chunk(cuts=struct.pack("<H", 1025) + bytes(1025), paths=struct.pack("<HB", 1, 7))
     yield "an end within the first row", sealed(good[:44 + 20])
     yield "a varint of 6 bytes in a column of 32 bits", chunk(row=first_row(coded={2: b"\x80" * 5 + b"\0"}))
     yield "a varint of more than 32 bits", chunk(row=first_row(coded={2: b"\xff" * 4 + b"\x1f"}))
@@ -113,6 +119,9 @@ def accepted():
     yield "one sample", chunk(samples=1, blocks=[])
     yield "a memory of the cut of bytes that mean nothing", chunk(cuts=struct.pack("<H", 1024) + bytes(1024))
     yield "a memory of the cut of one byte, behind listed steps", chunk(code=0, steps=listed(), cuts=struct.pack("<HB", 1, 7))
+    yield "paths of bytes that mean nothing", chunk(cuts=struct.pack("<H", 0), paths=struct.pack("<H", 500) + bytes(500))
+    yield "a memory of the cut and paths, behind listed steps", chunk(
+        code=0, steps=listed(), cuts=struct.pack("<HB", 1, 7), paths=struct.pack("<HBB", 2, 8, 9))
     yield "values of phase and fault without a name", chunk(row=first_row({PHASE: 255, FAULT: 255, FLAGS_HIGH: 0xFFFF}))
 
 

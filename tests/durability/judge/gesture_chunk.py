@@ -3,7 +3,7 @@ import struct
 from itertools import accumulate
 
 HEADER = 44
-MOST_CUT_MEMORY = 1024
+MOST_CUT_MEMORY, MOST_PATHS = 1024, 32768
 COLUMNS = 31
 STANDARD = (1e-6, 2.0**-15, 1e-3, 1e-4, 1e-6, 1e-4)
 LENGTH, QUATERNION, FORCE, TORQUE, TIME, SPEED = range(6)
@@ -107,12 +107,12 @@ def _doubles(values):
 
 class Chunk:
     """count, first_tick, last_tick, steps (six), raw (mask), crc, and columns: the samples' fields by column number. Columns 2 to 21 are numbers in
-    SI units; from 22 on integers; 0 is the tick, 1 time_ns. cut_memory: bytes; absent in version 1."""
+    SI units; from 22 on integers; 0 is the tick, 1 time_ns. cut_memory: bytes; absent in version 1. paths: bytes; only in version 3."""
 
     def __init__(self, data):
         if len(data) < HEADER + 4 or data[:4] != b"NLGC":
             raise Unreadable("no chunk begins here")
-        if data[4] not in (1, 2):
+        if data[4] not in (1, 2, 3):
             raise Unreadable(f"version {data[4]}")
         self.crc = struct.unpack_from("<I", data, len(data) - 4)[0]
         if self.crc != crc32c(data[:-4]):
@@ -133,7 +133,8 @@ class Chunk:
         if not all(step == 0 or 1e-12 <= step <= 1 for step in self.steps):
             raise Unreadable("a step out of its range")
         source = _Bytes(data, start, len(data) - 4)
-        self.cut_memory = self._cut_memory(source) if data[4] == 2 else b""
+        self.cut_memory = self._bytes(source, 3 - data[4], MOST_CUT_MEMORY, "memory of the cut") if data[4] >= 2 else b""
+        self.paths = self._bytes(source, 1, MOST_PATHS, "paths") if data[4] == 3 else b""
         table = self._table(source)
         if source.at != source.end:
             raise Unreadable("bytes are left over")
@@ -142,10 +143,10 @@ class Chunk:
             raise Unreadable("its last tick is not the header's")
 
     @staticmethod
-    def _cut_memory(source):
+    def _bytes(source, least, most, what):
         length = struct.unpack("<H", source.take(2))[0]
-        if not 1 <= length <= MOST_CUT_MEMORY:
-            raise Unreadable(f"a memory of the cut of {length} bytes")
+        if not least <= length <= most:
+            raise Unreadable(f"{what} of {length} bytes")
         return source.take(length)
 
     def _bits(self, column):

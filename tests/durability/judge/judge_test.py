@@ -73,6 +73,8 @@ class Goldens(unittest.TestCase):
         self.assertTrue(math.isnan(chunks["a raw wall that is not a number under its presence bit"].columns[16][0]))
         self.assertEqual(chunks["a memory of the cut of one byte, behind listed steps"].cut_memory, b"\7")
         self.assertEqual(chunks["one sample"].cut_memory, b"")
+        both = chunks["a memory of the cut and paths, behind listed steps"]
+        self.assertEqual((both.cut_memory, both.paths), (b"\7", b"\10\11"))
 
     def test_the_check_value_of_the_crc(self):
         self.assertEqual(crc32c(b"123456789"), 0xE3069283)

@@ -152,7 +152,7 @@ export async function chooseFrom(field, text, offered) {
   await field.page().getByRole('option', { name: offered, exact: true }).click();
 }
 
-/** Waits until a dialog takes keys: what is pressed before it is painted is not for it. */
+/** Waits until a dialog takes keys: keys pressed before it is painted are not for it. */
 export function painted(dialog) {
   return dialog.and(dialog.page().locator('[data-painted]')).waitFor();
 }

@@ -1,5 +1,5 @@
-// Walks the console's main pages with a faculty's database (tests/bench/lists_bench.cpp): what they show is compared with what
-// the database says, and each page's time to content is printed.
+// Walks the console's main pages with a faculty's database (tests/bench/lists_bench.cpp): their contents are compared with
+// the database, and each page's time to content is printed.
 // usage: node tests/web/console/large.mjs FOLDER   FOLDER/lists: a data folder of lists_bench --folder FOLDER, of either engine;
 // walk_large makes one of each. What each page may ask of the server has bounds: no page loads everybody.
 // environment: as run.mjs

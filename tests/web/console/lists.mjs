@@ -65,7 +65,7 @@ export function longLists(t) {
     await page.keyboard.press('Enter');
     assert.equal(await field.inputValue(), 'Crowd Number 121 (crowd.121)');
     assert.equal(await options.count(), 0);
-    // what is typed over it is not a choice: nothing is assigned, the field says what is missing
+    // text typed over it is not a choice: nothing is assigned, the field says what is missing
     await field.fill('crowd');
     await page.getByText('The first 20 matches: type more of the name').waitFor();
     await page.keyboard.press('Escape');

@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { accessible, confirmed, done, open, single } from './browser.mjs';
 import { api } from './week.mjs';
 
-/** What is done to a profile, and the faults that the editor names: field, and the beginning of what is said. */
+/** Changes of a profile, and the faults that the editor names: field, and the beginning of the message. */
 const kProfiles = [
   ['layers: 5', (d) => ({ ...d, layers: 5 }), 'layers', 'must be a list, found the number 5'],
   ['no layers', ({ layers, ...d }) => d, 'layers', 'is missing'],
@@ -220,7 +220,7 @@ export function malformed(t) {
     const drawing = page.getByRole('img', { name: /^Side view of/ });
     await drawing.getByText(/φ/).first().waitFor();
     await json.fill(JSON.stringify(odd));
-    // what has no thickness has no size, and what cannot be rendered no fidelity
+    // a layer without thickness has no size, and one that cannot be rendered no fidelity
     await drawing.getByText('Layer 2 –').waitFor();
     await page.getByText('This is the last version that could be rendered.').waitFor();
     assert.equal(await drawing.getByText(/φ/).count(), 0);

@@ -56,7 +56,7 @@ function found(value) {
 }
 
 /**
- * What is of a wrong type, in the words of common/profile/message_json.cpp.
+ * The fields of a wrong type, in the words of common/profile/message_json.cpp.
  * @param {any} document
  * @param {'Profile'|'Curriculum'} message
  * @returns {{path: string, message: string, severity: 'ERROR'}[]}

@@ -172,7 +172,7 @@ const infoOf = (lab, s) => ({
   quarantined_chunks: s.quarantined_chunks ?? 0,
   ...(s.given_trainee ? { given_trainee: s.given_trainee } : {}),
 });
-/** A session as lists have it: the main figures in place of the score. */
+/** A session as lists have it: the main figures instead of the score. */
 const rowOf = (lab, s) => ({
   ...infoOf(lab, s),
   score: null,

@@ -91,6 +91,8 @@ void LiveStation::feed(const LiveArrival& arrival) {
   }
   Received received;
   received.cuts = cutsIn(viewOf(frame.cut_memory()));
+  const ByteView paths = viewOf(frame.paths());
+  if (paths.size() <= kMaxPathsBytes) received.paths.assign(paths.begin(), paths.end());
   stats_.add(frame, samples->size(), arrival.received_unix_ns);
   if (described_) latency_.fed(frame.capture_unix_ns());
   if (last_frame_ && frame.frame_seq() != *last_frame_ + 1 && replica_) replica_->noteGap();
@@ -106,6 +108,7 @@ void LiveStation::feed(const LiveArrival& arrival) {
 }
 
 void LiveStation::take(const Received& received) {
+  if (replica_) replica_->takePaths(received.paths);
   for (const GestureSample& sample : received.samples)
     trace_.push(replica_ ? replica_->feed(sample) : momentOfSample(sample, rate_hz_));
   if (replica_ && received.cuts) replica_->takeCuts(*received.cuts);

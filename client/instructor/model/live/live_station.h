@@ -136,6 +136,7 @@ class LiveStation {
   struct Received {
     std::vector<GestureSample> samples;
     std::optional<CutSnapshot> cuts;  ///< after the last sample
+    Bytes paths;                      ///< of the samples (appendPath)
   };
   void take(const Received& received);
 

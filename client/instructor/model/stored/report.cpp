@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <utility>
 
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
+#include "common/base/units.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/gate/handle_stiffness.h"
 #include "common/profile/layer_names.h"
@@ -316,19 +316,6 @@ std::string gesturePlotsOf(const ReportData& data) {
   return out;
 }
 
-struct ShownUnit {
-  double per_si = 1;
-  std::string name;
-};
-ShownUnit shownUnitOf(const ProgressRow& row) {
-  if (formOf(row.measure) == MeasureForm::kShare) return {100, "%"};
-  if (row.unit == "m") return {1000, "mm"};
-  if (row.unit == "m/s") return {1000, "mm/s"};
-  if (row.unit == "m^2") return {1e4, "cm²"};
-  if (row.unit == "rad") return {180 / std::numbers::pi, "°"};
-  return {1, row.unit};
-}
-
 std::optional<ExpertRange> rangeOf(const pb::ReferenceBand& band) {
   ReferenceBand own;
   own.name = band.measure();
@@ -386,7 +373,8 @@ Result<ReportData> collectReport(const LabCall& call, std::shared_ptr<const Stor
 }
 
 Plot progressPlot(const ReportData& data, const ProgressRow& row) {
-  const ShownUnit shown = shownUnitOf(row);
+  const ShownUnit shown =
+      formOf(row.measure) == MeasureForm::kShare ? ShownUnit{100, "%"} : shownUnitOf(row.unit);
   Plot plot;
   plot.title = measureWords(row.measure, data.gesture ? layerNamesOf(data) : std::vector<std::string>());
   plot.unit = shown.name;

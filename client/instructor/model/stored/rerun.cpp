@@ -8,6 +8,7 @@
 
 #include "client/view/model/gesture_replica.h"
 #include "common/base/text/text.h"
+#include "common/haptics/body/body_engine.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
 
@@ -88,20 +89,19 @@ Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choi
   const double span_s = gesture.last_s() - gesture.first_s() + 1;
   run.trace = traceOf(run.scene, std::max(10.0, span_s), gesture.ticks_per_sample);
 
-  const SceneModel& model = *run.scene.model;
-  const auto state = std::make_unique<SimState>();
+  const double needle_length_m = run.scene.model->needle_length_m;
+  SceneEngine engine(*run.scene.model);
   StepReport report;
   double sum_N = 0, felt_sum_N = 0, difference_N = 0;
   std::uint64_t in_tissue = 0, felt_in_tissue = 0, in_either = 0;
   for (const GestureSample& sample : gesture.samples) {
     if (stop && run.ticks % 8192 == 0 && stop()) return Error{ErrorCode::kFailed, "stopped"};
-    step(model,
-         {{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
-          {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
-         *state, report);
+    engine.step({{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
+                 {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
+                report);
     ++run.ticks;
     if (each) each(report);
-    run.trace.push(momentOfStep(sample, gesture.rate_hz, report, *state, model.needle_length_m));
+    run.trace.push(momentOfStep(sample, gesture.rate_hz, report, engine.state(), needle_length_m));
 
     const double force_N = norm(report.wrench_W.force_N);
     const double felt_N = norm({sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]});

@@ -37,6 +37,9 @@ class TraceMaker {
   void takeCuts(const CutSnapshot& cuts) {
     if (replica_) replica_->takeCuts(cuts);
   }
+  void takePaths(ByteView list) {
+    if (replica_) replica_->takePaths(list);
+  }
 
  private:
   StoredGesture& gesture_;
@@ -170,6 +173,7 @@ class Loader {
       return {};
     }
     const auto cuts = cutsIn(cutMemoryOf(viewOf(chunk.data())));
+    maker.takePaths(pathListOf(viewOf(chunk.data())));
     for (const GestureSample& sample : *samples) {
       if (gesture_->samples.size() >= kMaxLoadedSamples) {
         if (!std::exchange(full_, true))

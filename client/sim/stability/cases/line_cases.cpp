@@ -11,6 +11,7 @@
 
 #include "client/device/hand/hand.h"
 #include "client/sim/stability/case.h"
+#include "common/base/units.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/geometry.h"
 
@@ -113,7 +114,7 @@ Status heldFixture(Trial& c) {
 // 1/tan of the slant: no other length may be missing. u turns by at most 45°, so k|e| is at least λ d² sin of
 // the remaining angle.
 Status crosswise(Trial& c) {
-  const double slant = c.number("slant_deg", 10, 80) * kPi / 180, off = c.number("off_deg", 0, 5) * kPi / 180;
+  const double slant = radOf(c.number("slant_deg", 10, 80)), off = radOf(c.number("off_deg", 0, 5));
   const double way_m = length(c, "depth_m") / std::cos(slant), tilt = kPi / 2 - slant + off;
   const double led_m = length(c, "led_m") * (std::tan(slant) + 1 / std::tan(slant));
   Way way{c.number("speed_m_s", 1e-3, 1), kMotionRate_hz,
@@ -149,7 +150,7 @@ Status roundLimbLength(Trial& c) {
   bool falls = false;
   for (const auto& [limb, radius_m] : limbs)
     for (const double angle_deg : angles) {
-      const double angle = angle_deg * kPi / 180;
+      const double angle = radOf(angle_deg);
       c.scene.limb = limb;
       ASSIGN_OR_RETURN(const auto run,
                        move(c, straight(c, std::min(max_m, chord * 2 * radius_m * std::cos(angle)), angle)));
@@ -190,7 +191,7 @@ Result<double> turnsAt_N(Trial& c, double length_m) {
 // Deeper, it is held with the force from the page, which rises with the length.
 Status reAim(Trial& c) {
   const double length_m = length(c, "length_m"), deeper_m = length(c, "deeper_m"),
-               aim = c.number("aim_deg", 1, 45) * kPi / 180, turn_s = c.number("turn_s", 0.1, 10),
+               aim = radOf(c.number("aim_deg", 1, 45)), turn_s = c.number("turn_s", 0.1, 10),
                off_N = c.number("turning_off_n", 0);
   std::vector<std::pair<Way, std::size_t>> ways;
   const auto goOn = [&](const Way& before, Vec3 turns_at, Vec3 ends_at) {
@@ -321,7 +322,7 @@ Status capOnSum(Trial& c) {
 Status eightyDegrees(Trial& c) {
   std::vector<double> lengths_m = {length(c, "way_m")}, forces_N;
   for (const double angle_deg : c.numbers("angles_deg")) {
-    ASSIGN_OR_RETURN(const auto run, move(c, straight(c, lengths_m.front(), angle_deg * kPi / 180)));
+    ASSIGN_OR_RETURN(const auto run, move(c, straight(c, lengths_m.front(), radOf(angle_deg))));
     lengths_m.push_back(run.ticks.back().report.insertion_m);
     forces_N.push_back(norm(run.ticks.back().report.wrench_W.force_N));
   }

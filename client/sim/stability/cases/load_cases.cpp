@@ -13,6 +13,7 @@
 #include "client/sim/stability/case.h"
 #include "client/sim/stability/scan_nudge.h"
 #include "client/sim/tools/hand_thresholds.h"
+#include "common/base/units.h"
 #include "common/haptics/models/like_for_like.h"
 
 namespace needlelab {
@@ -254,7 +255,7 @@ Status obliqueBone(Trial& t) {
     const double hand_share =
         device.hand.stiffness_N_per_m / (device.hand.stiffness_N_per_m + stiffness_N_per_m);
     for (const double angle_deg : angles_deg) {
-      const double angle_rad = angle_deg * std::numbers::pi / 180;
+      const double angle_rad = radOf(angle_deg);
       const BonePath path = pathOntoBone(t, angle_rad, top_m);
       ASSIGN_OR_RETURN(const auto run, t.loop(path.plan));
       for (const TimeWindow window : {path.pressed, path.drawn}) {

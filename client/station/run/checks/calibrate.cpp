@@ -8,7 +8,6 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <utility>
 
 #include "client/device/factory/device_factory.h"
@@ -21,6 +20,7 @@
 #include "common/base/range.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
+#include "common/base/units.h"
 
 namespace needlelab {
 namespace {
@@ -72,7 +72,7 @@ class ProgressLine {
 
 double degreesBetween(Quat a, Quat b) {
   const Vec3 u = zAxis(a), v = zAxis(b);
-  return std::atan2(norm(cross(u, v)), dot(u, v)) * 180 / std::numbers::pi;
+  return degreesOf(std::atan2(norm(cross(u, v)), dot(u, v)));
 }
 
 std::string resultText(const Calibration& found, const Pose& tool, const NeedleAxis& axis,

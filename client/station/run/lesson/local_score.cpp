@@ -76,7 +76,8 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
   if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
   const auto measures = scoreGesture(samples, session.description().rate_hz(), lesson.profile, X_WL,
                                      lesson.exercise ? &*lesson.exercise : nullptr);
-  const auto plan = lesson.exercise ? plannedLineOf(*lesson.exercise, X_WL) : std::nullopt;
+  auto plan = lesson.exercise ? plannedLineOf(*lesson.exercise, X_WL) : std::nullopt;
+  if (plan) plan = onSkin(*plan, lesson.model.limb).value_or(*plan);
   const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
   return LocalScore{scoreJson(measures), eventsJson(events),
                     gestureCurve(samples, lesson.model.limb, kCurvePoints, plan),

@@ -17,7 +17,7 @@ constexpr std::int64_t kLead_ns = 2'000'000;  // between the call of run and the
 }  // namespace
 
 ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock, SampleRing& ring,
-                     const ServoSettings& settings)
+                     const ServoSettings& settings, PathMaker* paths)
     : device_(device),
       clock_(clock),
       ring_(ring),
@@ -25,7 +25,7 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock,
       period_ns_(1e9 / settings.rate_hz),
       closing_ticks_(ticksIn(kClosing_s, settings.rate_hz)),
       after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
-      chain_(model, device.info(), settings.X_HT, settings.plunger),
+      chain_(model, device.info(), settings.X_HT, settings.plunger, paths),
       storm_(settings.rate_hz) {
   assert(settings.rate_hz > 0 && closing_ticks_ > 0);
   if (settings.passivity) chain_.controlPassivity(*settings.passivity);

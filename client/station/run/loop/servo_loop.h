@@ -91,9 +91,10 @@ struct ServoSettings {
 /// A tick uses no heap, lock or exception, and no system calls except those of the clock and the device.
 class ServoLoop {
  public:
-  /// All arguments must outlive the loop; the device is open.
+  /// All arguments must outlive the loop; the device is open. `paths` makes the paths in a body; null: they
+  /// are made in place, which is not real-time safe.
   ServoLoop(const SceneModel& model, Device& device, TimeSource& clock, SampleRing& ring,
-            const ServoSettings& settings);
+            const ServoSettings& settings, PathMaker* paths = nullptr);
 
   /// Runs until the end, then leaves the device with zero force. Tick k is due at start + k/rate. If the loop
   /// wakes a period or more late, it misses the elapsed ticks: it skips their numbers and does not step the

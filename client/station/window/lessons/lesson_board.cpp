@@ -23,7 +23,7 @@ bool LessonBoard::look(BoardState& state, std::uint64_t& seen) const {
 }
 
 std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples,
-                                       Bytes* cut_memory) {
+                                       Bytes* cut_memory, Bytes* paths) {
   std::deque<Waiting> pieces;
   std::uint64_t dropped = 0;
   {
@@ -33,10 +33,12 @@ std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<Gesture
   }
   // copies without the lock, so that the spool's writer never waits
   if (cut_memory != nullptr) cut_memory->clear();
+  if (paths != nullptr) paths->clear();
   for (Waiting& waiting : pieces) {
     if (waiting.lesson != lesson) continue;
     samples.insert(samples.end(), waiting.samples->begin(), waiting.samples->end());
     if (cut_memory != nullptr && !waiting.cut_memory.empty()) *cut_memory = std::move(waiting.cut_memory);
+    if (paths != nullptr) paths->insert(paths->end(), waiting.paths.begin(), waiting.paths.end());
   }
   return dropped;
 }
@@ -146,7 +148,7 @@ void LessonBoard::piece(const SamplePiece& piece) {
     pieces_.pop_front();
     ++dropped_;
   }
-  pieces_.push_back({piece.samples, state_.lesson, piece.cut_memory});
+  pieces_.push_back({piece.samples, state_.lesson, piece.cut_memory, piece.paths});
 }
 
 }  // namespace needlelab

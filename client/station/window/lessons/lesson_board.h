@@ -130,9 +130,9 @@ class LessonBoard final : public LessonObserver {
   bool look(BoardState& state, std::uint64_t& seen) const;
   /// Moves the new samples of `lesson` to the end of `samples`, oldest first. Returns the number of samples
   /// dropped before them since the last call. Sets `cut_memory`, unless null, to the newest memory that came
-  /// with them; empty without one.
+  /// with them, and `paths`, unless null, to the list of all paths; empty without one.
   std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples,
-                            Bytes* cut_memory = nullptr);
+                            Bytes* cut_memory = nullptr, Bytes* paths = nullptr);
   /// Replaces the waiting request, except kQuit; kTrainee replaces only another kTrainee.
   void ask(BoardRequest request);
 
@@ -163,7 +163,7 @@ class LessonBoard final : public LessonObserver {
   struct Waiting {
     std::shared_ptr<const std::vector<GestureSample>> samples;
     std::uint64_t lesson = 0;
-    Bytes cut_memory;
+    Bytes cut_memory, paths;
   };
   const std::size_t max_pieces_;
   TimeSource& time_;

@@ -32,12 +32,13 @@ Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const L
   return std::unique_ptr<LessonFollow>(new LessonFollow(std::move(beginning), std::move(scene)));
 }
 
-void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped,
-                        ByteView cut_memory) {
+void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped, ByteView cut_memory,
+                        ByteView paths) {
   if (dropped > 0) {
     dropped_ += dropped;
     replica_.noteGap();
   }
+  replica_.takePaths(paths);
   const auto cuts = cutsIn(cut_memory);
   for (const GestureSample& sample : samples) {
     trace_.push(replica_.feed(sample));

@@ -21,8 +21,10 @@ class LessonFollow {
   static Result<std::unique_ptr<LessonFollow>> make(std::shared_ptr<const LessonBeginning> beginning);
 
   /// Adds samples in tick order. `dropped`: the number of samples that the window lost just before them.
-  /// `cut_memory`: the memory of cuts after one of the samples (encodeCuts); empty: not known.
-  void feed(const std::vector<GestureSample>& samples, std::uint64_t dropped, ByteView cut_memory = {});
+  /// `cut_memory`: the memory of cuts after one of the samples (encodeCuts); empty: not known. `paths`: in a
+  /// body, the list of the samples' paths (appendPath).
+  void feed(const std::vector<GestureSample>& samples, std::uint64_t dropped, ByteView cut_memory = {},
+            ByteView paths = {});
 
   [[nodiscard]] const LessonBeginning& beginning() const { return *beginning_; }
   [[nodiscard]] const std::shared_ptr<const SceneView>& scene() const { return scene_; }

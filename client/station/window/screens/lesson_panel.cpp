@@ -24,13 +24,13 @@ namespace needlelab {
 
 namespace {
 
-constexpr double kOutside = 0.12;  // fraction of the ladder above the skin
+constexpr double kAboveSkin = 0.12;  // fraction of the ladder above the skin
 
 struct LadderScale {
   ImVec2 corner, size;
   double depth_m;
   [[nodiscard]] float y(double depth) const {
-    const double share = kOutside + (1 - kOutside) * depth / depth_m;
+    const double share = kAboveSkin + (1 - kAboveSkin) * depth / depth_m;
     return corner.y + size.y * static_cast<float>(std::clamp(share, 0.0, 1.0));
   }
 };
@@ -74,7 +74,7 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   draw->AddRectFilled({left, corner.y}, {right, ladder.y(0)}, packed(kPanelGrey));
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {
     const LayerView& layer = scene.layers[i];
-    if (layer.top_m >= ladder.depth_m) break;
+    if (layer.top_m >= ladder.depth_m || !(layer.bottom_m > layer.top_m)) continue;
     const float top = ladder.y(layer.top_m),
                 end = i + 1 == scene.layers.size() ? bottom : ladder.y(layer.bottom_m);
     const Rgb colour = names ? tissueColour(layer.tissue) : kLineGrey;
@@ -103,12 +103,15 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
                tickText(mm, ticks.decimals));
     }
     // the tip, even outside the tissue
-    const float y = ladder.y(std::max(now.depth_m, -kOutside / (1 - kOutside) * ladder.depth_m));
+    const float y = ladder.y(std::max(now.depth_m, -kAboveSkin / (1 - kAboveSkin) * ladder.depth_m));
     draw->AddLine({left, y}, {right, y}, packed(kWhite), 2);
     draw->AddTriangleFilled({right + 0.2F * space(), y}, {right + 1.6F * space(), y - 0.8F * space()},
                             {right + 1.6F * space(), y + 0.8F * space()}, packed(kWhite));
     // the opening, where an injection goes
-    const double opening_m = depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT));
+    double opening_m = depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT));
+    // in a body the depth is below the plane at the entry
+    if (scene.body && now.insertion_m > 0)
+      opening_m = now.depth_m * (1 - openingBehindTip_m(scene.needle) / now.insertion_m);
     if (opening_m > 0 && opening_m < now.depth_m)
       draw->AddCircle({right - 0.9F * space(), ladder.y(opening_m)}, 0.45F * space(), packed(kWhite), 0, 2);
   }
@@ -164,8 +167,7 @@ void showState(const LessonFollow& lesson, const AidSet& aids) {
   const Moment& now = lesson.now();
   const SceneView& scene = *lesson.scene();
   const bool phase = aids.has(pb::Exercise::PHASE), layer = aids.has(pb::Exercise::LAYER);
-  const int opening =
-      now.inside ? layerAt(scene, depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT))) : now.layer;
+  const int opening = now.inside ? layerAt(scene, openingOf(scene, now.p_WT_m, now.q_WT)) : now.layer;
   const auto showOpening = [&] {
     // a tick that was not stepped has an earlier tick's layer
     if (!layer || opening == now.layer || (now.flags & kFlagNotStepped) != 0) return;

@@ -4,10 +4,10 @@
 #include <imgui/imgui.h>
 
 #include <algorithm>
-#include <numbers>
 
 #include "client/station/window/lessons/start_choice.h"
 #include "client/view/theme.h"
+#include "common/base/units.h"
 
 namespace needlelab {
 
@@ -100,8 +100,7 @@ std::vector<StationFact> lessonFacts(const BoardState& state, const LessonBeginn
     facts.push_back({Condition::kAttention,
                      fmt::format("this picture left out {} samples; the recording has them", dropped)});
   if (!state.aids_by.empty()) facts.push_back({Condition::kUnknown, state.aids_by + " chose what is shown"});
-  facts.push_back(
-      {Condition::kUnknown, fmt::format("tilt limit α {:.0f}°", alpha_rad * 180 / std::numbers::pi)});
+  facts.push_back({Condition::kUnknown, fmt::format("tilt limit α {:.0f}°", degreesOf(alpha_rad))});
   for (const std::string& note : beginning.device_notes) facts.push_back({Condition::kUnknown, note});
   return facts;
 }

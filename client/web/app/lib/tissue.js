@@ -19,12 +19,14 @@ export const tissueColor = (tissue) => kColors[tissue] ?? kColors.OTHER;
 /**
  * The usual names of the layers, from the skin inwards, as in common/profile/layer_names.h (the cases of both:
  * tests/data/profile/layer_names.json). While a profile is being typed, a tissue may be missing, or a value of any
- * type.
- * @param {{layers?: {tissue?: string, name?: string}[]}|null|undefined} profile
+ * type. Of a volume, its structures: their names, or ids.
+ * @param {{layers?: {tissue?: string, name?: string}[], volume?: {structures?: {id?: string, layer?: {name?: string}}[]}}|null|undefined} profile
  * @returns {string[]}
  */
 export function layerNames(profile) {
   const text = (value) => (typeof value === 'string' ? value : '');
+  const structures = profile?.volume?.structures;
+  if (Array.isArray(structures)) return structures.map((s) => text(s?.layer?.name) || text(s?.id));
   const layers = (Array.isArray(profile?.layers) ? profile.layers : []).map((l) => ({
       name: text(l?.name),
       tissue: text(l?.tissue),

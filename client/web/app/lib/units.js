@@ -9,7 +9,7 @@ const kPrefixes = [
   [1e-6, 'µ'],
   [1e-9, 'n'],
 ];
-// units without a prefix, or with a fixed one: 8.7 mN would be unusual
+// units without a prefix, or with a fixed one (common/base/units.h): 8.7 mN would be unusual
 const kFixed = {
   N: [1, 'N'],
   'N·m': [1, 'N·m'],

@@ -13,6 +13,7 @@ import { formOf, ProblemList } from '../ui/fields.js';
 import { released, useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
 import { DangerButton, Heading, Mark, Problem } from '../ui/widgets.js';
+import { BodyView } from '../ui/body_view.js';
 import { Legend, SideView } from '../ui/section.js';
 import { DirectionFields, Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';
@@ -173,17 +174,32 @@ export function ProfileEditor({ params, query, person }) {
     <div class="editor-columns">
       <aside class="look" tabindex="0" aria-label="What it looks and feels like">
         <section>
-          <h2>Side view, to scale</h2>
-          <${SideView}
+          <h2>${profile.volume ? 'Cut through the body, to scale' : 'Side view, to scale'}</h2>
+          ${
+            profile.volume
+              ? rendered.preview?.section
+                ? html`<${BodyView}
+                    section=${rendered.preview.section}
+                    profile=${profile}
+                    label=${`Cut through ${profile.name || 'the body'} along the skin’s normal at the place of insertion`}
+                  />`
+                : html`<p class="help" role="status">${rendered.error?.message ?? 'Asking the server …'}</p>`
+              : html`<${SideView}
             profile=${profile}
             fidelity=${fidelity}
             label=${`Side view of ${counted(profile.layers?.length ?? 0, 'layer')}, ${quantity(
               layerBounds(profile).at(-1)?.to_m ?? 0,
               'm',
             )} deep in total`}
-          />
+          />`
+          }
           <${Legend} profile=${profile} />
-          <p class="help">φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.</p>
+          ${
+            !profile.volume &&
+            html`<p class="help">
+              φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.
+            </p>`
+          }
         </section>
         <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
         ${(checked || f.problems.length > 0) && html`<${ProblemList} problems=${f.problems} />`}

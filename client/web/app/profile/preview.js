@@ -28,7 +28,7 @@ export function usePreview(doc) {
 
 export function ForceOverDepth({ preview, stale, error }) {
   const shown = useMemo(() => {
-    if (!preview) return null;
+    if (!preview?.depth_m?.length) return null; // a volume may have a picture and no forces
     const mm = preview.depth_m.map((d) => d * 1000);
     const parts = (preview.by_effect ?? []).filter((c) => c.force_n.some((f) => Math.abs(f) > 1e-6));
     const series = [
@@ -54,7 +54,9 @@ export function ForceOverDepth({ preview, stale, error }) {
   if (!shown)
     return html`<p class="help" role="status">${
       !error
-        ? 'Asking the engine …'
+        ? preview && !stale
+          ? 'The server draws this profile, but gives no force for it.'
+          : 'Asking the engine …'
         : error.kind === 'invalid'
           ? 'The force can be drawn once the problems below are fixed.'
           : error.message

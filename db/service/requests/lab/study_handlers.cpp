@@ -10,6 +10,7 @@
 
 #include "common/base/text/text.h"
 #include "common/gesture/chunk.h"
+#include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/cut_snapshot.h"
 #include "common/profile/strict_json.h"
 #include "db/audit/audit.h"
@@ -237,6 +238,17 @@ Bytes shiftedCuts(ByteView cut_memory, std::uint64_t ticks) {
   return encodeCuts(*cuts);
 }
 
+/// A chunk's paths after a shift of its samples, without those that cannot be read.
+Bytes shiftedPaths(ByteView list, std::uint64_t ticks) {
+  Bytes shifted;
+  for (PathSnapshot path : pathsIn(list)) {
+    if (path.tick < ticks) continue;
+    path.tick -= ticks;
+    appendPath(path, shifted);
+  }
+  return shifted;
+}
+
 /// Shifts a recording so that it begins with tick 0 at time 0: the station's clock would reveal the order of
 /// several people's sessions, with exact gaps.
 ///
@@ -267,7 +279,8 @@ Status beginWithZero(Connection& reader, const Uuid& session, pb::Chunks& chunks
       sample.time_ns -= origin.first_time_ns;
     }
     const Bytes cuts = shiftedCuts(cutMemoryOf(viewOf(chunk.data())), origin.first_tick);
-    chunk.set_data(std::string(textOf(encodeChunk(head.resolution, samples, cuts))));
+    const Bytes paths = shiftedPaths(pathListOf(viewOf(chunk.data())), origin.first_tick);
+    chunk.set_data(std::string(textOf(encodeChunk(head.resolution, samples, cuts, paths))));
   }
   return {};
 }

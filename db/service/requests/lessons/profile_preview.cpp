@@ -1,21 +1,24 @@
 // Previews a profile's force over depth, using the same engine as the simulator.
 #include <algorithm>
 #include <cmath>
-#include <memory>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "common/base/range.h"
+#include "common/haptics/body/body_engine.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/engine.h"
+#include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
 #include "db/service/context/long_work.h"
 #include "db/service/requests/handlers.h"
+#include "db/service/requests/lessons/profile_section.h"
 
 namespace needlelab::handlers {
 namespace {
@@ -27,12 +30,17 @@ struct PreviewEntry {
   Vec3 point_m, normal;
 };
 
-/// The needle's entry: a point on the surface (the topmost one if the shape has one) and its normal.
+/// The needle's entry: a point on the surface (the topmost one if the shape has one; in a volume the one
+/// nearest to the origin of L) and its normal.
 PreviewEntry entryOf(const Limb& limb) {
   const Vec3 up{0, 0, 1};
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return {plane->point_m, normalized(plane->normal)};
   if (const auto* sphere = std::get_if<SphereLimb>(&limb))
     return {sphere->center_m + sphere->radius_m * up, up};
+  if (const auto* body = std::get_if<BodyLimb>(&limb)) {
+    const Vec3 skin = nearestSkin(limb, body->X_WL.p, -up);
+    return {skin, surfaceNormal(limb, skin, -up)};
+  }
   const auto& capsule = std::get<CapsuleLimb>(limb);
   const Vec3 axis = normalized(capsule.b_m - capsule.a_m);
   const Vec3 across =
@@ -59,17 +67,48 @@ Status checkPreview(const pb::PreviewProfile& call) {
   return within("speed_m_s", call.speed_m_s(), 0.001, 0.5);
 }
 
-void addLayers(const pb::Profile& profile, pb::ProfilePreview& preview) {
+/// A layer that the needle meets.
+struct MetLayer {
+  std::size_t index = 0;  ///< in profileLayers
+  double from_m = 0, to_m = 0;
+};
+
+/// The layers on the needle's way; a volume's structures may come more than once.
+std::vector<MetLayer> layersMet(const SceneSpec& spec, const PreviewEntry& entry) {
+  std::vector<MetLayer> met;
+  if (const auto* body = std::get_if<BodyLimb>(&spec.limb)) {
+    const LayerStack stack = body->body->layersAlong(inverse(body->X_WL) * entry.point_m,
+                                                     rotate(conjugate(body->X_WL.q), -entry.normal),
+                                                     spec.needle_length_m, 0.5 * spec.needle_diameter_m);
+    for (std::size_t i = 0; i < stack.count; ++i)
+      met.push_back({stack.layers[i].structure, stack.layers[i].top_m,
+                     i + 1 < stack.count ? stack.layers[i + 1].top_m : stack.end_m});
+    // bone, where a stack ends, goes on
+    if (stack.end == StackEnd::kBone && !met.empty()) met.back().to_m = spec.needle_length_m;
+    return met;
+  }
+  double top_m = 0;
+  for (const LayerSpec& layer : spec.layers) {
+    met.push_back({met.size(), top_m, top_m + layer.thickness_m});
+    top_m += layer.thickness_m;
+  }
+  return met;
+}
+
+void addLayers(const pb::Profile& profile, const std::vector<MetLayer>& met, pb::ProfilePreview& preview) {
   const std::vector<std::string> names = layerNames(profile);
-  double top_m = 0, before_N = 0;
-  for (const pb::Layer& layer : profile.layers()) {
+  const std::vector<const pb::Layer*> layers = profileLayers(profile);
+  double before_N = 0;
+  for (const MetLayer& one : met) {
+    const pb::Layer& layer = *layers[one.index];
+    const double thickness_m = profile.has_volume() ? one.to_m - one.from_m : layer.thickness_m();
     auto* felt = preview.add_layers();
-    felt->set_name(names[static_cast<std::size_t>(preview.layers_size()) - 1]);
+    felt->set_name(names[one.index]);
     felt->set_tissue(pb::Layer::Tissue_Name(layer.tissue()));
-    felt->set_from_m(top_m);
-    felt->set_to_m(top_m += layer.thickness_m());
+    felt->set_from_m(one.from_m);
+    felt->set_to_m(one.to_m);
     felt->set_fidelity(fidelity(before_N, layer.cutting_force_n(),
-                                profile.tracking_wall().stiffness_n_per_m(), layer.thickness_m()));
+                                profile.tracking_wall().stiffness_n_per_m(), thickness_m));
     before_N = layer.cutting_force_n();
   }
 }
@@ -80,25 +119,30 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
   if (auto valid = checkPreview(call); !valid) return valid.error();
   const auto profile = parseProfile(call.json(), "profile");
   if (!profile) return profile.error();
+  pb::Reply reply;
+  auto* preview = reply.mutable_profile_preview();
+  if (profile->has_volume()) {
+    if (auto added = addSection(*profile, *preview->mutable_section()); !added) return added.error();
+  }
   if (profile->axial_model() == pb::Profile::FEM)
     return Error{ErrorCode::kInvalidInput,
                  "axial_model: FEM takes too long for a preview; look at it with needlelab-sim run"};
   const auto spec = sceneSpecOf(*profile);
+  if (!spec && profile->has_volume()) return reply;  // no forces, yet a picture
   if (!spec) return spec.error();
   const auto model = compile(*spec, kPreviewRate_hz);
   if (!model) return model.error();
 
-  double bottom_m = 0;
-  for (const LayerSpec& layer : spec->layers) bottom_m += layer.thickness_m;
+  const PreviewEntry entry = entryOf(spec->limb);
+  const std::vector<MetLayer> met = layersMet(*spec, entry);
+  const double bottom_m = met.empty() ? spec->needle_length_m : met.back().to_m;
   const double deepest_m =
       std::min(call.to_depth_m() > 0 ? call.to_depth_m() : bottom_m, spec->needle_length_m);
   const double speed_mps = call.speed_m_s() > 0 ? call.speed_m_s() : 0.01;
   const std::uint32_t points = call.points() > 0 ? call.points() : 400;
 
-  pb::Reply reply;
-  auto* preview = reply.mutable_profile_preview();
   preview->set_max_force_n(profile->has_max_force_n() ? profile->max_force_n() : 10);
-  addLayers(*profile, *preview);
+  addLayers(*profile, met, *preview);
   std::vector<std::pair<const EffectEntry*, pb::ForceCurve*>> curves;
   for (const EffectEntry* effect : effectsAsShown()) {
     if (!effect->along_u) continue;
@@ -106,10 +150,13 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
     curves.back().second->set_effect(std::string(effect->name));
   }
 
-  const PreviewEntry entry = entryOf(spec->limb);
   const Quat q_WT = zTo(-entry.normal);
-  const auto state = std::make_unique<SimState>();
+  SceneEngine engine(*model);
   StepReport report;
+  // a body's engine needs some ticks until it has found the needle's path
+  const std::uint64_t waits = std::holds_alternative<BodyLimb>(spec->limb) ? 2 * kPathTicks : 0;
+  for (std::uint64_t tick = 0; tick < waits; ++tick)
+    engine.step({entry.point_m + kPreviewLead_m * entry.normal, q_WT}, report);
   const double step_m = speed_mps / kPreviewRate_hz;
   const auto ticks = static_cast<std::int64_t>(std::ceil((kPreviewLead_m + deepest_m) / step_m));
   std::uint32_t taken = 0;
@@ -117,7 +164,7 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
     if (context.parts.long_work.cancelled.load(std::memory_order_relaxed))
       return Error{ErrorCode::kUnavailable, "the server ends"};
     const double depth_m = std::min(static_cast<double>(tick) * step_m - kPreviewLead_m, deepest_m);
-    step(*model, {entry.point_m - depth_m * entry.normal, q_WT}, *state, report);
+    engine.step({entry.point_m - depth_m * entry.normal, q_WT}, report);
     // record the first tick at or after each point of an even grid
     if (depth_m < deepest_m * taken / (points - 1) - 1e-12) continue;
     ++taken;

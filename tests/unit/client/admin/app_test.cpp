@@ -328,7 +328,7 @@ TEST_F(Admin, aRunningServersFolderIsRefusedByName) {
 TEST_F(Admin, profilesGoInAndOutUnchanged) {
   good({"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json", NEEDLELAB_SAMPLES "/wrist-adult.json"});
   const auto rows = good({"profile", "list", "--json"}).rows();
-  EXPECT_EQ(rows.size() + 2, embeddedSamples().size()) << "two of them are courses";
+  EXPECT_EQ(rows.size() + 3, embeddedSamples().size()) << "three of them are courses";
   for (const auto& row : rows) EXPECT_EQ(row.at("revision"), 1) << "an unchanged text is not a new revision";
   good({"profile", "export", "knee-adult", "--out", file("knee.json")});
   std::ifstream exported(file("knee.json"));
@@ -342,13 +342,14 @@ TEST_F(Admin, profilesGoInAndOutUnchanged) {
 TEST_F(Admin, curriculaAndAssignments) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto curricula = good({"curriculum", "list", "--json"}).rows();
-  ASSERT_EQ(curricula.size(), 2u) << "the sample courses";
+  ASSERT_EQ(curricula.size(), 3u) << "the sample courses";
   const std::string exercise = curricula[0].at("exercise_ids")[0];
   EXPECT_EQ(curricula[0].at("exam"), false);
   // Export and import give the same text.
   for (const auto& [id, sample] : std::map<std::string, std::string>{
            {"rheumatology-basics", NEEDLELAB_SAMPLES "/curriculum.json"},
-           {"injection-steps", NEEDLELAB_SAMPLES "/injection-steps-curriculum.json"}}) {
+           {"injection-steps", NEEDLELAB_SAMPLES "/injection-steps-curriculum.json"},
+           {"bodies", NEEDLELAB_SAMPLES "/volumes/bodies-curriculum.json"}}) {
     good({"curriculum", "export", id, "--out", file(id)});
     EXPECT_EQ(*readWholeFile(file(id)), *readWholeFile(sample));
     EXPECT_NE(good({"curriculum", "import", file(id)}).out.find("revision 1"), std::string::npos) << id;

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "common/base/files/files.h"
+#include "tests/support/anatomy/ball_profiles.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/client/admin/run_admin.h"
 
@@ -132,6 +133,18 @@ TEST_F(ProfileCommands, showingAProfileWrapsLinesAndWarnsOfImperceptibleParts) {
   const auto row = good({"profile", "show", "mine", "--json"}).rows()[0];
   EXPECT_EQ(row.at("description"), "two\nlines");
   EXPECT_FALSE(row.at("warnings").empty());
+}
+
+TEST_F(ProfileCommands, showingAVolumeListsItsStructuresWithTheirForces) {
+  json tree = test::withCyst();
+  tree["volume"]["structures"][3]["layer"]["cutting_force_n"] = 0.375;
+  tree["volume"]["structures"][3]["layer"]["name"] = "ganglion";
+  ASSERT_EQ(onData({"profile", "import", write("ball.json", tree)}).code, 0);
+  const Run shown = onData({"profile", "show", "ball"});
+  EXPECT_EQ(shown.code, 0) << shown.err;
+  for (const char* words : {"CUTTING N", "skin", "fat", "muscle", "ganglion", "0.375"})
+    EXPECT_THAT(shown.out, HasSubstr(words));
+  EXPECT_THAT(shown.out, Not(HasSubstr("warning")));
 }
 
 TEST_F(ProfileCommands, anExportPrintsItsFilesTextWithOrWithoutJson) {

@@ -9,6 +9,7 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/surface.h"
+#include "tests/support/anatomy/bodies.h"
 #include "tests/support/random.h"
 #include "tests/support/scenes/scenes.h"
 
@@ -73,6 +74,43 @@ TEST_F(HapticChainTest, aNewChainKnowsNoCutsOfTheOneBefore) {
   }
   EXPECT_NEAR(max_N, 0.23, 1e-9);
   EXPECT_NEAR(insertInto(next), -1, 1e-9);
+}
+
+// a device without orientation: the needle stands on the skin of the path in use, which is the arm's
+TEST_F(HapticChainTest, inABodyTheAssumedNeedleStandsOnItsSkin) {
+  const SceneModel body = *compile(sceneIn(arm()), kChainRate_hz);
+  DeviceInfo device;
+  device.has_orientation = false;
+  HapticChain chain(body, device, Pose{});
+  const Vec3 center_m{0, 0, -0.04}, out = normalized(Vec3{0, 0.6, 0.8});  // across the arm, of 40 mm radius
+  for (int k = 0; k < 1000; ++k) {
+    DeviceReading reading;
+    reading.X_WH.p = center_m + out * (0.045 - 1e-5 * k);
+    chain.tick(reading, true, 1, 1.0, tick_);
+  }
+  EXPECT_EQ(tick_.report.layer, 1) << "muscle, below 2 mm of skin";
+  EXPECT_NEAR(tick_.report.depth_m, 0.00499, 1e-5);
+  EXPECT_NEAR(norm(zAxis(tick_.X_WT.q) + out), 0, 1e-3);
+  EXPECT_NEAR(norm(normalized(tick_.report.wrench_W.force_N) - out), 0, 1e-2) << "along the needle";
+}
+
+/// Paths that never come.
+class NoPaths final : public PathMaker {
+ public:
+  void ask(const PathAsk&) noexcept override { ++asked; }
+  bool take(PathStack*&) noexcept override { return false; }
+  void retire(PathStack*) noexcept override {}
+  int asked = 0;
+};
+
+TEST_F(HapticChainTest, inABodyItWaitsForTheGivenMakersPaths) {
+  const SceneModel body = *compile(sceneIn(arm()), kChainRate_hz);
+  NoPaths paths;
+  HapticChain chain(body, DeviceLimits{}, kTool, &paths);
+  for (int k = 0; k < 1000; ++k) chain.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
+  EXPECT_EQ(paths.asked, 1);
+  EXPECT_EQ(norm(tick_.report.wrench_W.force_N), 0) << "no path, no force";
+  EXPECT_NEAR(tick_.report.depth_m, 0.00799, 1e-6);
 }
 
 TEST_F(HapticChainTest, onlyTheAskedShareIsRendered) {

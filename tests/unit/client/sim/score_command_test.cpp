@@ -39,7 +39,7 @@ std::string strokeCsv(double depth_m) {
 }
 
 // every `keep`-th row
-std::string thinned(const std::string& csv, int keep) {
+std::string everyNthRow(const std::string& csv, int keep) {
   std::string text;
   int row = -1;
   for (std::size_t at = 0; at < csv.size(); ++row) {
@@ -60,7 +60,7 @@ TEST(ScoreCommand, usesTheFilesTimesAtAnyRate) {
   const test::TempFolder folder;
   const std::string csv = strokeCsv(0.03);
   for (const int keep : {1, 2, 10}) {
-    const auto file = folder.write("t.csv", thinned(csv, keep));
+    const auto file = folder.write("t.csv", everyNthRow(csv, keep));
     const auto outcome = sim({"score", "--profile", (test::kSamples / "paper-1dof.json").string(),
                               "--trajectory", file.string(), "--json"});
     ASSERT_EQ(outcome.code, 0) << outcome.err;

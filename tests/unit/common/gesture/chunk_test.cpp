@@ -371,6 +371,41 @@ TEST(Chunk, aCutMemoryMakesVersion2AndFollowsTheSteps) {
   }
 }
 
+TEST(Chunk, pathsMakeVersion3AndFollowTheCutMemory) {
+  const auto samples = smoothGesture(100);
+  const std::pair<Resolution, std::ptrdiff_t> kinds[] = {
+      {Resolution::standard(), 44}, {Resolution::lossless(), 44}, {{1e-5, 0x1p-12, 0, 1e-3, 1e-8, 1e-2}, 92}};
+  for (const auto& [resolution, behind_steps] : kinds) {
+    const Bytes plain = encodeChunk(resolution, samples);
+    EXPECT_TRUE(pathListOf(plain).empty());
+    for (const Bytes& memory : {Bytes(), Bytes{1, 2, 3}}) {
+      EXPECT_EQ(encodeChunk(resolution, samples, memory, {}), encodeChunk(resolution, samples, memory));
+      for (const std::size_t length : {std::size_t{1}, std::size_t{700}, kMaxPathsBytes}) {
+        SCOPED_TRACE(length);
+        Bytes paths(length);
+        for (std::size_t i = 0; i < length; ++i) paths[i] = static_cast<std::uint8_t>(5 * i + 3);
+        Bytes expected = plain;
+        expected[4] = 3;
+        Bytes section = {static_cast<std::uint8_t>(memory.size()), 0};
+        section.insert(section.end(), memory.begin(), memory.end());
+        section.push_back(static_cast<std::uint8_t>(length & 255));
+        section.push_back(static_cast<std::uint8_t>(length >> 8));
+        section.insert(section.end(), paths.begin(), paths.end());
+        expected.insert(expected.begin() + behind_steps, section.begin(), section.end());
+        const Bytes chunk = encodeChunk(resolution, samples, memory, paths);
+        EXPECT_EQ(chunk, test::withGoodCrc(expected));
+        EXPECT_EQ(pathListOf(chunk), paths);
+        EXPECT_EQ(cutMemoryOf(chunk), memory);
+        const auto info = checkChunk(chunk);
+        ASSERT_TRUE(info.ok()) << info.error().message;
+        EXPECT_EQ(info->version, 3);
+        EXPECT_EQ(sealedSamples(chunk), 100u);
+        expectBitEqual(*decodeChunk(plain), *decodeChunk(chunk));
+      }
+    }
+  }
+}
+
 TEST(Chunk, unknownVersionIsNamed) {
   Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(3));
   chunk[4] = 9;

@@ -77,6 +77,8 @@ TEST(FormatPage, namesTheBitsOfFlags) {
                                       NEEDLELAB_BIT(kFlagStartedInside),
                                       NEEDLELAB_BIT(kFlagBeyondNeedle),
                                       NEEDLELAB_BIT(kFlagFlatEntry),
+                                      NEEDLELAB_BIT(kFlagNewPath),
+                                      NEEDLELAB_BIT(kFlagKeptPath),
                                       NEEDLELAB_BIT(kGateSampleRejected),
                                       NEEDLELAB_BIT(kGatePeakLimited),
                                       NEEDLELAB_BIT(kGateThermalLimited),

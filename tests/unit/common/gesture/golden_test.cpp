@@ -10,6 +10,7 @@
 #include "common/base/text/csv.h"
 #include "common/gesture/recording.h"
 #include "common/gesture/sample.h"
+#include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/cut_snapshot.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/common/gesture/gesture_samples.h"
@@ -103,11 +104,32 @@ CutSnapshot madeCuts() {
   return snapshot;
 }
 
+Bytes madePaths() {
+  PathSnapshot entry;
+  entry.tick = 100'002;
+  entry.path.point_W_m = {0.1, 0.2, 0.3};
+  entry.path.normal_W = {0, 0.6, 0.8};
+  entry.path.count = 3;
+  entry.path.layers[0] = {4, 0};
+  entry.path.layers[1] = {0, 0.002};
+  entry.path.layers[2] = {kOutside, 0.0375};
+  PathSnapshot next = entry;
+  next.tick = 100'022;
+  next.path.changes_from_m = 0.002;
+  next.path.layers[1].top_m = 0.00225;
+  next.path.layers[2] = {7, 0.03};
+  next.path.bones.count = 1;
+  next.path.bones.planes[0] = {{0.1, 0.2, 0.25}, {0, 0, 1}, 7};
+  Bytes list;
+  EXPECT_TRUE(appendPath(entry, list) && appendPath(next, list));
+  return list;
+}
+
 struct GoldenChunk {
   const char* name;
   Resolution resolution;
   std::vector<GestureSample> samples;
-  Bytes cut_memory{};
+  Bytes cut_memory{}, paths{};
 };
 std::vector<GoldenChunk> goldenChunks() {
   return {{"motion", Resolution::standard(), madeSamples(40, 1)},
@@ -116,7 +138,9 @@ std::vector<GoldenChunk> goldenChunks() {
           {"lossless", Resolution::lossless(), oddSamples()},
           {"not_in_steps", Resolution::standard(), oddSamples()},
           {"listed", {1e-5, 0x1p-12, 0, 1e-3, 1e-8, 1e-2}, madeSamples(40, 4)},
-          {"with_cuts", Resolution::standard(), madeSamples(40, 1), encodeCuts(madeCuts())}};
+          {"with_cuts", Resolution::standard(), madeSamples(40, 1), encodeCuts(madeCuts())},
+          {"with_paths", Resolution::standard(), madeSamples(40, 1), {}, madePaths()},
+          {"with_both", Resolution::standard(), madeSamples(2, 1), encodeCuts(madeCuts()), madePaths()}};
 }
 
 std::string number(double value) {
@@ -139,8 +163,31 @@ std::string twinOf(const CutSnapshot& cuts) {
   return text + "]}";
 }
 
+std::string twinOf(const std::vector<PathSnapshot>& paths) {
+  const auto listed = [](Vec3 v) { return "[" + number(v.x) + "," + number(v.y) + "," + number(v.z) + "]"; };
+  std::string text = "[";
+  for (const PathSnapshot& snapshot : paths) {
+    const PathLayers& path = snapshot.path;
+    text += (text.size() == 1 ? "\n{\"tick\":" : ",\n{\"tick\":") + std::to_string(snapshot.tick) +
+            ",\"point_m\":" + listed(path.point_W_m) + ",\"normal\":" + listed(path.normal_W) +
+            ",\"changes_from_m\":" + number(path.changes_from_m) + ",\"layers\":[";
+    for (std::uint32_t i = 0; i < path.count; ++i)
+      text += (i == 0 ? "[" : ",[") + std::to_string(path.layers[i].structure) + "," +
+              number(path.layers[i].top_m) + "]";
+    text += "],\"bones\":[";
+    for (std::size_t i = 0; i < path.bones.count; ++i) {
+      const BonePlane& plane = path.bones.planes[i];
+      text += std::string(i == 0 ? "" : ",") + "{\"point_m\":" + listed(plane.point_m) +
+              ",\"normal\":" + listed(plane.normal) + ",\"structure\":" + std::to_string(plane.structure) +
+              "}";
+    }
+    text += "]}";
+  }
+  return text + "]";
+}
+
 std::string twinOf(const ChunkInfo& info, const std::vector<GestureSample>& samples,
-                   const std::optional<CutSnapshot>& cuts) {
+                   const std::optional<CutSnapshot>& cuts, const std::vector<PathSnapshot>& paths) {
   const Resolution& r = info.resolution;
   std::string text =
       "{\"version\":" + std::to_string(info.version) + ",\"count\":" + std::to_string(info.count) +
@@ -151,7 +198,8 @@ std::string twinOf(const ChunkInfo& info, const std::vector<GestureSample>& samp
       ",\n\"resolution\":{\"length_m\":" + number(r.length_m) + ",\"quaternion\":" + number(r.quaternion) +
       ",\"force_n\":" + number(r.force_N) + ",\"torque_nm\":" + number(r.torque_Nm) +
       ",\"time_s\":" + number(r.time_s) + ",\"speed_m_s\":" + number(r.speed_mps) + "},\n" +
-      (cuts ? "\"cut_memory\":" + twinOf(*cuts) + ",\n" : std::string()) + "\"samples\":[";
+      (cuts ? "\"cut_memory\":" + twinOf(*cuts) + ",\n" : std::string()) +
+      (paths.empty() ? std::string() : "\"paths\":" + twinOf(paths) + ",\n") + "\"samples\":[";
   for (std::size_t i = 0; i < samples.size(); ++i) {
     text += i == 0 ? "\n" : ",\n";
     appendSampleJson(text, samples[i], info.first_time_ns);
@@ -190,7 +238,7 @@ TEST(Golden, chunksEncodeToTheStoredBytesAndDecodeToTheirTwins) {
   for (const GoldenChunk& golden : goldenChunks()) {
     SCOPED_TRACE(golden.name);
     const fs::path path = goldenFolder() / (std::string(golden.name) + ".chunk");
-    expectFile(path, encodeChunk(golden.resolution, golden.samples, golden.cut_memory));
+    expectFile(path, encodeChunk(golden.resolution, golden.samples, golden.cut_memory, golden.paths));
     const auto stored = readWholeFile(path);
     ASSERT_TRUE(stored.ok());
     const auto info = inspectChunk(viewOf(*stored));
@@ -198,7 +246,8 @@ TEST(Golden, chunksEncodeToTheStoredBytesAndDecodeToTheirTwins) {
     ASSERT_TRUE(info.ok());
     ASSERT_TRUE(samples.ok());
     EXPECT_TRUE(checkChunk(viewOf(*stored)).ok()) << "what every version wrote passes";
-    const std::string twin = twinOf(*info, *samples, cutsIn(cutMemoryOf(viewOf(*stored))));
+    const std::string twin =
+        twinOf(*info, *samples, cutsIn(cutMemoryOf(viewOf(*stored))), pathsIn(pathListOf(viewOf(*stored))));
     expectFile(goldenFolder() / (std::string(golden.name) + ".chunk.json"), viewOf(twin));
   }
 }

@@ -99,7 +99,7 @@ TEST(RefusedChunk, onlyAChunkOfOurVersionWithARightCrcIsSealed) {
   const Bytes good = encodeChunk(Resolution::standard(), smoothGesture(70));
   EXPECT_EQ(sealedSamples(good), 70u);
   Bytes newer = good;
-  newer[4] = 3;
+  newer[4] = 4;
   EXPECT_FALSE(sealedSamples(withGoodCrc(newer)).has_value());
   Bytes other = good;
   other[0] = 'X';

@@ -77,7 +77,7 @@ double distance(const pb::Hazard& hazard, Vec3 p) {
 }
 
 TEST(Samples, theFolderHoldsTheseAndNoOther) {
-  std::set<std::string> found, expected = {"README.md"};
+  std::set<std::string> found, expected = {"README.md", "volumes"};
   for (const auto& [file, patients] : kCourses) expected.insert(file + ".json");
   for (const std::string& id : all()) expected.insert(id + ".json");
   for (const auto& entry : std::filesystem::directory_iterator(kSamples))

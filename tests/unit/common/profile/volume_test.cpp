@@ -3,15 +3,23 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <ostream>
 #include <sstream>
 #include <string>
+#include <variant>
+#include <vector>
 
+#include "common/haptics/scene_model.h"
+#include "common/profile/anchors.h"
+#include "common/profile/layer_names.h"
+#include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 #include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "tests/support/anatomy/ball_profiles.h"
 
 namespace needlelab {
 namespace {
@@ -49,15 +57,125 @@ TEST(ProfileVolume, becomesAField) {
   EXPECT_EQ(bone.cutting_force_N, 4);
 }
 
-TEST(ProfileVolume, givesNoSceneOfLayers) {
+TEST(ProfileVolume, becomesASceneOfABody) {
   const auto profile = parseProfile(volumeText(), "forearm");
-  ASSERT_TRUE(profile.ok());
-  const auto scene = sceneSpecOf(*profile);
-  ASSERT_FALSE(scene.ok());
-  EXPECT_EQ(profileWarnings(*profile), std::vector<std::string>{scene.error().message})
-      << "its author hears of it";
-  EXPECT_EQ(scene.error().message,
-            "volume: profile 'forearm-volume' gives no forces yet: a lesson needs a limb and layers");
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+  EXPECT_TRUE(profileWarnings(*profile).empty());
+  const Pose X_WL{{0.1, 0.2, 0.3}, normalized(Quat{0.2, -0.1, 0.4, 0.9})};
+  const auto scene = sceneSpecOf(*profile, X_WL);
+  ASSERT_TRUE(scene.ok()) << scene.error().message;
+  const auto field = fieldOf(profile->volume());
+  ASSERT_TRUE(field.ok());
+  ASSERT_EQ(scene->layers.size(), field->structures().size());
+  for (std::size_t i = 0; i < scene->layers.size(); ++i) {
+    const LayerSpec &layer = scene->layers[i], &structure = field->structures()[i].layer;
+    EXPECT_EQ(layer.cutting_force_N, structure.cutting_force_N);
+    EXPECT_EQ(layer.is_bone, structure.is_bone);
+  }
+  EXPECT_EQ(scene->needle_length_m, profile->needle().length_m());
+  EXPECT_EQ(scene->effects, bitOf(Effect::kCutting) | bitOf(Effect::kAttracted));
+  const auto* const body = std::get_if<BodyLimb>(&scene->limb);
+  ASSERT_NE(body, nullptr);
+  EXPECT_EQ(body->X_WL.p, X_WL.p);
+  for (const Vec3 p_m : {Vec3{0, 0, 0.01}, Vec3{-0.05, 0.0132, -0.0208}, Vec3{0, 0.0034, -0.007}})
+    EXPECT_EQ(body->body->structureAt(p_m), field->at(p_m).structure);
+  EXPECT_NEAR(signedDepth(scene->limb, X_WL * Vec3{0, 0, 0.01}), -field->skinDistance({0, 0, 0.01}), 1e-12);
+}
+
+TEST(ProfileVolume, namesItsStructuresAsLayers) {
+  const pb::Profile profile = test::readProfile(test::withCyst());
+  EXPECT_EQ(layerNames(profile), (std::vector<std::string>{"skin", "fat", "muscle", "cyst"}));
+  ASSERT_EQ(profileLayers(profile).size(), 4U);
+  EXPECT_EQ(profileLayers(profile)[1]->tissue(), pb::Layer::FAT);
+  EXPECT_EQ(layerPath(profile, 1), "volume.structures[1].layer");
+}
+
+TEST(ProfileVolume, hasTheModelsSectionInEachStructure) {
+  nlohmann::json tree = test::ballOfRules();
+  tree["axial_model"] = "FIRST_ORDER";
+  for (std::size_t i = 0; i < 3; ++i)
+    tree["volume"]["structures"][i]["layer"]["first_order"] = {{"stiffness_n_per_m", 400 + 10 * i},
+                                                               {"puncture_force_n", 0.8},
+                                                               {"cutting_force_n", 0.3},
+                                                               {"friction_n_per_m", 20}};
+  const pb::Profile profile = test::readProfile(tree);
+  const auto scene = sceneSpecOf(profile);
+  ASSERT_TRUE(scene.ok()) << scene.error().message;
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(scene->layers[i].first_order->stiffness_N_per_m, 400 + 10.0 * static_cast<double>(i));
+  pb::Profile written = test::readProfile(test::ballOfRules());
+  putModel(*scene, written);
+  EXPECT_EQ(written.volume().structures(2).layer().first_order().stiffness_n_per_m(), 420);
+
+  tree["volume"]["structures"][1]["layer"].erase("first_order");
+  const auto faulty = parseProfile(tree.dump(), "ball");
+  ASSERT_FALSE(faulty.ok());
+  EXPECT_EQ(faulty.error().message,
+            "ball: volume.structures[1].layer.first_order: is missing, and axial_model is FIRST_ORDER");
+}
+
+TEST(ProfileVolume, refusesWhatTheEngineRefusesByItsStructure) {
+  nlohmann::json tree = test::ballOfRules();
+  tree["volume"]["structures"][2]["layer"]["rejection_force_n"] = 0.7;
+  const auto faulty = parseProfile(tree.dump(), "ball");
+  ASSERT_FALSE(faulty.ok());
+  EXPECT_EQ(faulty.error().message.substr(0, 62),
+            "ball: volume.structures[2].layer.rejection_force_n: 0.7 is abo");
+}
+
+TEST(ProfileVolume, movesAnAnchoredTargetUnderItsStructure) {
+  nlohmann::json of_layers = test::ballOfLayers(), of_rules = test::ballOfRules();
+  for (nlohmann::json* tree : {&of_layers, &of_rules}) {
+    (*tree)["targets"][0]["anchor"] = {{"layer", "fat"}, {"offset_m", 0.002}};
+    (*tree)["hazards"][0]["anchor"] = {{"layer", "muscle"}, {"offset_m", 0.001}};
+  }
+  const pb::Profile like = test::readProfile(of_layers), profile = test::readProfile(of_rules);
+  const AnchoredPlaces expected(like), found(profile);
+  EXPECT_GT(norm(expected.wayOf(like.targets(0))), 0.005);
+  EXPECT_NEAR(norm(found.wayOf(profile.targets(0)) - expected.wayOf(like.targets(0))), 0, 1e-6);
+  EXPECT_NEAR(norm(found.wayOf(profile.hazards(0)) - expected.wayOf(like.hazards(0))), 0, 1e-6);
+
+  nlohmann::json missed = test::withCyst();
+  missed["targets"] = of_rules["targets"];
+  missed["targets"][0]["center_m"] = {{"x", 0.02}, {"y", 0}, {"z", -0.015}};
+  missed["targets"][0]["anchor"]["layer"] = "cyst";
+  const auto faulty = parseProfile(missed.dump(), "ball");
+  ASSERT_FALSE(faulty.ok());
+  EXPECT_EQ(faulty.error().message,
+            "ball: targets[0].anchor.layer: a line straight in from the skin nearest to its place meets no "
+            "\"cyst\" within 200 mm: move it, or leave the anchor out");
+}
+
+TEST(ProfileVolume, putsAPlannedEntryOnItsSkin) {
+  const pb::Profile profile = test::readProfile(test::ballOfRules());
+  const auto exerciseFrom = [](double z_m, double x_m) {
+    const nlohmann::json tree = {{"id", "one"},
+                                 {"name", "One"},
+                                 {"profile_id", "ball"},
+                                 {"plan",
+                                  {{"frame", "LIMB"},
+                                   {"entry_m", {{"x", x_m}, {"y", 0}, {"z", z_m}}},
+                                   {"direction", {{"x", 0}, {"y", 0}, {"z", -2}}}}}};
+    return *parseExercise(tree.dump(), "exercise");
+  };
+  const auto scene = sceneSpecOf(profile);
+  ASSERT_TRUE(scene.ok());
+  const double x_m = 0.01, skin_m = std::sqrt(0.05 * 0.05 - x_m * x_m) - 0.05;
+  for (const double from_m : {0.015, 0.001, -0.012}) {
+    const pb::Exercise exercise = exerciseFrom(from_m, x_m);
+    EXPECT_TRUE(checkPlan(exercise, profile, "").ok()) << checkPlan(exercise, profile, "").error().message;
+    const auto line = onSkin(*plannedLineOf(exercise), scene->limb);
+    ASSERT_TRUE(line);
+    EXPECT_NEAR(norm(line->entry_m - Vec3{x_m, 0, skin_m}), 0, 2e-7);
+    EXPECT_EQ(line->direction, (Vec3{0, 0, -1}));
+  }
+  const Status far = checkPlan(exerciseFrom(0.05, 0), profile, "");
+  ASSERT_FALSE(far.ok());
+  EXPECT_EQ(
+      far.error().message,
+      "plan.entry_m: (0, 0, 50) mm is 50 mm above the skin of profile 'ball', and the line does not meet "
+      "it within 20 mm: give a point of the line nearer to where it goes in");
+  EXPECT_FALSE(checkPlan(exerciseFrom(0.01, 0.0499), profile, "").ok()) << "along the skin";
 }
 
 struct VolumeFault {
@@ -101,6 +219,62 @@ const VolumeFault kVolumeFaults[] = {
      R"([{"op": "move", "from": "/volume/rules/1/to_m", "path": "/volume/rules/1/upto_m"}])",
      R"(volume.rules[1]: unknown field "upto_m"; known are group, from_m, to_m, structure, clips)"},
 };
+
+struct PlaceFault {
+  const char* name;
+  const char* targets;
+  const char* hazards;
+  const char* message;
+};
+std::ostream& operator<<(std::ostream& out, const PlaceFault& fault) {
+  return out << fault.name;
+}
+
+const PlaceFault kPlaceFaults[] = {
+    {"targetOfNoStructure", R"([{"name": "t", "structure": "bursa"}])", "[]",
+     "targets[0].structure: \"bursa\" is not one of: skin, fat, muscle, cyst"},
+    {"hazardOfNoStructure", "[]", R"([{"name": "h", "kind": "NERVE", "structure": "nerve"}])",
+     "hazards[0].structure: \"nerve\" is not one of: skin, fat, muscle, cyst"},
+    {"targetWithBoth",
+     R"([{"name": "t", "structure": "cyst", "center_m": {"x": 0, "y": 0, "z": 0}, "radius_m": 0.1}])", "[]",
+     "targets[0].radius_m: a region is either a structure or a shape: take one out"},
+    {"targetWithTissues", R"([{"name": "t", "structure": "cyst", "tissues": ["fat"]}])", "[]",
+     "targets[0].tissues: a region is either a structure or a shape: take one out"},
+    {"hazardWithARadius", "[]", R"([{"name": "h", "kind": "NERVE", "structure": "cyst", "radius_m": 0.1}])",
+     "hazards[0].radius_m: a region is either a structure or a shape: take one out"},
+    {"aimOutside", R"([{"name": "t", "structure": "cyst", "center_m": {"x": 0, "y": 0, "z": 0.01}}])", "[]",
+     "targets[0].center_m: is outside of the skin, not in \"cyst\": give a point of the target's structure, "
+     "or leave it out"},
+    {"aimElsewhere", R"([{"name": "t", "structure": "cyst", "center_m": {"x": 0, "y": 0, "z": -0.01}}])",
+     "[]",
+     "targets[0].center_m: is in \"muscle\", not in \"cyst\": give a point of the target's structure, or "
+     "leave it out"},
+    {"targetOfNothing", R"([{"name": "t"}])", "[]", "targets[0].center_m: is missing"},
+    {"targetWithoutARadius", R"([{"name": "t", "center_m": {"x": 0, "y": 0, "z": 0}}])", "[]",
+     "targets[0].radius_m: is missing"},
+    {"hazardOfNothing", "[]", R"([{"name": "h", "kind": "NERVE"}])", "hazards[0].radius_m: is missing"},
+};
+
+class VolumePlaceFault : public testing::TestWithParam<PlaceFault> {};
+TEST_P(VolumePlaceFault, isNamed) {
+  nlohmann::json tree = test::withCyst();
+  tree["targets"] = nlohmann::json::parse(GetParam().targets);
+  tree["hazards"] = nlohmann::json::parse(GetParam().hazards);
+  const auto profile = parseProfile(tree.dump(), "ball");
+  ASSERT_FALSE(profile.ok());
+  EXPECT_EQ(profile.error().message, std::string("ball: ") + GetParam().message);
+}
+INSTANTIATE_TEST_SUITE_P(Checks, VolumePlaceFault, testing::ValuesIn(kPlaceFaults),
+                         [](const auto& test) { return test.param.name; });
+
+TEST(ProfileVolume, isNeededForATargetThatIsAStructure) {
+  nlohmann::json tree = test::ballOfLayers();
+  tree["targets"] = nlohmann::json::parse(R"([{"name": "t", "structure": "fat"}])");
+  const auto profile = parseProfile(tree.dump(), "ball");
+  ASSERT_FALSE(profile.ok());
+  EXPECT_EQ(profile.error().message,
+            "ball: targets[0].structure: needs a volume, and the profile has layers: give a shape");
+}
 
 class ProfileVolumeFault : public testing::TestWithParam<VolumeFault> {};
 TEST_P(ProfileVolumeFault, isNamed) {

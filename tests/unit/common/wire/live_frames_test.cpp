@@ -33,6 +33,7 @@ pb::LiveFrame anyFrame(std::mt19937_64& random) {
   if (random() % 8 != 0) frame.set_due_steady_ns(static_cast<std::int64_t>(anyNumber(random)));
   if (random() % 8 != 0) frame.set_capture_unix_ns(-static_cast<std::int64_t>(anyNumber(random) >> 1));
   if (random() % 4 == 0) frame.set_cut_memory(anyBytes(random, 1000));
+  if (random() % 4 == 0) frame.set_paths(anyBytes(random, 2000));
   return frame;
 }
 

@@ -214,12 +214,12 @@ TEST_F(Quarantine, onlySealedChunksOfOurVersionAreKept) {
   bad.back() ^= 1;
   EXPECT_EQ(store.append(id, 0, bad)->kind, Appended::Kind::kCorrupt);
   Bytes newer = chunkOf(0);
-  newer[4] = 3;
+  newer[4] = 4;
   const std::uint32_t crc = crc32c(ByteView(newer).first(newer.size() - 4));
   std::memcpy(newer.data() + newer.size() - 4, &crc, 4);
   const auto refused = store.append(id, 0, newer);
   EXPECT_EQ(refused->kind, Appended::Kind::kCorrupt);
-  EXPECT_NE(refused->text.find("version 3"), std::string::npos) << refused->text;
+  EXPECT_NE(refused->text.find("version 4"), std::string::npos) << refused->text;
   EXPECT_EQ(store.info(id)->chunks(), 0u);
 }
 

@@ -15,7 +15,7 @@ using test::chunkOf;
 using test::closeOf;
 using test::describe;
 
-class SessionReaderTest : public testing::Test {
+class StoredSessionTest : public testing::Test {
  protected:
   Uuid add(const std::string& trainee, std::int64_t started, std::uint64_t chunks) {
     const Uuid id = makeUuidV7();
@@ -30,7 +30,7 @@ class SessionReaderTest : public testing::Test {
   SessionStore store{db.writer};
 };
 
-TEST_F(SessionReaderTest, theDescriptionComesBackWhole) {
+TEST_F(StoredSessionTest, theDescriptionComesBackWhole) {
   const Uuid id = makeUuidV7();
   auto d = describe(id);
   for (const double number : {0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0}) d.add_placement(number);
@@ -42,7 +42,7 @@ TEST_F(SessionReaderTest, theDescriptionComesBackWhole) {
   EXPECT_EQ(stored.SerializeAsString(), d.SerializeAsString());
 }
 
-TEST_F(SessionReaderTest, listsNewestFirstAndFilters) {
+TEST_F(StoredSessionTest, listsNewestFirstAndFilters) {
   const Uuid old = add("anna", 100, 1);
   const Uuid newest = add("ben", 300, 0);
   const Uuid middle = add("anna", 200, 2);
@@ -73,7 +73,7 @@ TEST_F(SessionReaderTest, listsNewestFirstAndFilters) {
   EXPECT_TRUE(store.list(of_exercise)->empty());
 }
 
-TEST_F(SessionReaderTest, readsChunksFromASeqWithinItsLimits) {
+TEST_F(StoredSessionTest, readsChunksFromASeqWithinItsLimits) {
   const Uuid id = add("anna", 100, 10);
   const auto some = store.readChunks(id, 4, 3, 1 << 20);
   ASSERT_OK(some);
@@ -89,7 +89,7 @@ TEST_F(SessionReaderTest, readsChunksFromASeqWithinItsLimits) {
   EXPECT_EQ(store.readChunks(makeUuidV7(), 0, 1, 1).error().code, ErrorCode::kNotFound);
 }
 
-TEST_F(SessionReaderTest, verifyFindsASoundSessionSound) {
+TEST_F(StoredSessionTest, verifyFindsASoundSessionSound) {
   const Uuid id = add("anna", 100, 5);
   EXPECT_TRUE(store.verify(id)->ok);
   ASSERT_OK(store.close(closeOf(id, 5), 1));
@@ -101,7 +101,7 @@ TEST_F(SessionReaderTest, verifyFindsASoundSessionSound) {
   EXPECT_EQ(textOf(check->hash), closeOf(id, 5).hash());
 }
 
-TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
+TEST_F(StoredSessionTest, everyKindOfDamageIsFoundByVerify) {
   const std::string damages[] = {
       "UPDATE chunks SET bytes = " + test::byteReplacedSql(31, "a7") + " WHERE seq = 2",
       "UPDATE chunks SET crc = crc + 1 WHERE seq = 2",
@@ -128,7 +128,7 @@ TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
   EXPECT_TRUE(store.verify(id)->ok);
 }
 
-TEST_F(SessionReaderTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions) {
+TEST_F(StoredSessionTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions) {
   const std::string of_open[] = {
       "UPDATE session_progress SET chunks = chunks - 1",
       "UPDATE session_progress SET chunks = chunks + 1",
@@ -156,7 +156,7 @@ TEST_F(SessionReaderTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions
   each(of_closed);
 }
 
-TEST_F(SessionReaderTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
+TEST_F(StoredSessionTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
   add("anna", 100, 4);
   auto rows = db.writer.prepare("SELECT crc, bytes FROM chunks ORDER BY seq");
   std::set<std::int64_t> seen;
@@ -168,7 +168,7 @@ TEST_F(SessionReaderTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
   EXPECT_EQ(seen.size(), 4u);
 }
 
-TEST_F(SessionReaderTest, aDamagedChunkIsNeverHandedOut) {
+TEST_F(StoredSessionTest, aDamagedChunkIsNeverHandedOut) {
   const Uuid id = add("anna", 100, 3);
   ASSERT_OK(
       db.writer.script("UPDATE chunks SET bytes = " + test::byteReplacedSql(31, "ff") + " WHERE seq = 1"));

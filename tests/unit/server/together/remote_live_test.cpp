@@ -346,7 +346,7 @@ TEST_F(RemoteLiveTest, aWatchedStationThatSendsFramesOnlyKeepsItsStatusFresh) {
   EXPECT_EQ(b.listed("bench-1").status().force_n(), 5) << "of the samples";
 }
 
-TEST_F(RemoteLiveTest, aCommonRateIsThinnedAtTheSource) {
+TEST_F(RemoteLiveTest, aCommonRateIsReducedAtTheSource) {
   a.hub.attachStation("bench-1", bench);
   sayStatus(a, "bench-1", lessonOf("tina"));
   lab.run(200);

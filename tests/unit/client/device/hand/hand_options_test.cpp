@@ -22,7 +22,7 @@ void parse(HandOptions& options, const std::vector<std::string>& arguments) {
   app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
 }
 
-TEST(HandCli, aPersonAspiratesUnlessAskedNotTo) {
+TEST(HandOptions, aPersonAspiratesUnlessAskedNotTo) {
   HandOptions o;
   EXPECT_FALSE(o.aspirate);
   parse(o, {});
@@ -33,7 +33,7 @@ TEST(HandCli, aPersonAspiratesUnlessAskedNotTo) {
   EXPECT_TRUE(o.aspirate);
 }
 
-TEST(HandCli, aSkillSetsTremorSpeedAndBracing) {
+TEST(HandOptions, aSkillSetsTremorSpeedAndBracing) {
   HandOptions beginner, expert;
   parse(beginner, {"--hand-skill", "0"});
   parse(expert, {"--hand-skill", "1"});
@@ -52,7 +52,7 @@ TEST(HandCli, aSkillSetsTremorSpeedAndBracing) {
   EXPECT_THROW(parse(o, {"--hand-speed-m-s", "0.03", "--hand-skill", "0.5"}), CLI::ExcludesError);
 }
 
-TEST(HandCli, everyOptionReachesItsField) {
+TEST(HandOptions, everyOptionReachesItsField) {
   HandOptions o;
   parse(o, {"--hand-plan",
             "retry:joint space",
@@ -89,7 +89,7 @@ TEST(HandCli, everyOptionReachesItsField) {
   EXPECT_EQ(o.correction_per_s, 0.5);
 }
 
-TEST(HandCli, withoutOptionsIsABracedHandThatCorrectsItself) {
+TEST(HandOptions, withoutOptionsIsABracedHandThatCorrectsItself) {
   HandOptions o;
   parse(o, {});
   EXPECT_EQ(HandOptions{}.correction_per_s, 0);
@@ -100,7 +100,7 @@ TEST(HandCli, withoutOptionsIsABracedHandThatCorrectsItself) {
   EXPECT_EQ(o.plan, "target");
 }
 
-TEST(HandCli, valuesOutOfRangeAreRefusedWithTheRange) {
+TEST(HandOptions, valuesOutOfRangeAreRefusedWithTheRange) {
   for (const char* name :
        {"--hand-speed-m-s", "--hand-hold-s", "--hand-tremor-m", "--hand-stiffness", "--hand-damping",
         "--hand-bracing", "--hand-rotational-stiffness", "--hand-rotational-damping", "--hand-correction"})

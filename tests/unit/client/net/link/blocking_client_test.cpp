@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-TEST(Client, aPeerThatAcceptsAndStaysSilentTimesOut) {
+TEST(ConnectClient, aPeerThatAcceptsAndStaysSilentTimesOut) {
   asio::io_context io;
   Tcp::acceptor silent(io, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
   ScriptedServer other(friendly);
@@ -31,7 +31,7 @@ TEST(Client, aPeerThatAcceptsAndStaysSilentTimesOut) {
   EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
 }
 
-TEST(Client, anUnresolvableNameIsUnavailable) {
+TEST(ConnectClient, anUnresolvableNameIsUnavailable) {
   ScriptedServer server(friendly);
   auto config = server.config();
   config.server.host = "no.such.host.invalid";
@@ -41,7 +41,7 @@ TEST(Client, anUnresolvableNameIsUnavailable) {
   EXPECT_THAT(client.error().message, HasSubstr("no.such.host.invalid"));
 }
 
-TEST(Client, aMissingCaFileIsNamed) {
+TEST(ConnectClient, aMissingCaFileIsNamed) {
   ScriptedServer server(friendly);
   auto config = server.config();
   config.ca_file = "/nowhere/ca.crt";
@@ -51,7 +51,7 @@ TEST(Client, aMissingCaFileIsNamed) {
   EXPECT_THAT(client.error().message, HasSubstr("/nowhere/ca.crt"));
 }
 
-TEST(Client, aServerOfAnotherMajorIsNotTrustedToRefuse) {
+TEST(ConnectClient, aServerOfAnotherMajorIsNotTrustedToRefuse) {
   // an old server that answers every client with its own version
   ScriptedServer server([](const pb::Envelope&) {
     pb::Envelope envelope = hello();
@@ -63,7 +63,7 @@ TEST(Client, aServerOfAnotherMajorIsNotTrustedToRefuse) {
   EXPECT_EQ(client.error().code, ErrorCode::kVersion);
 }
 
-TEST(Client, aPeerThatAnswersNonsenseIsNoServer) {
+TEST(ConnectClient, aPeerThatAnswersNonsenseIsNoServer) {
   ScriptedServer server([](const pb::Envelope&) {
     pb::Envelope envelope;
     envelope.mutable_ack();

@@ -202,6 +202,50 @@ TEST_F(SpoolWriterTest, theChunkThatIsMadeOfATailHasItsMemory) {
   EXPECT_EQ(cutMemoryOf(*session_->readChunk(1)), (Bytes{1, 1}));
 }
 
+/// A path at each chunk's first sample, and at every 300th one.
+Bytes pathAt(std::uint64_t tick, bool first) {
+  if (!first && tick % 300 != 0) return {};
+  return {first ? std::uint8_t{1} : std::uint8_t{0}, static_cast<std::uint8_t>(tick / 100)};
+}
+
+TEST_F(SpoolWriterTest, aChunkCarriesThePathsOfItsSamplesInOrder) {
+  SpoolWriter::Callbacks with_paths = callbacks();
+  std::uint64_t tick = 0;
+  with_paths.paths = [&](bool first) { return pathAt(tick++, first); };
+  SpoolWriter writer(ring_, session_, stepped(), with_paths);
+  push(0, 2100);
+  ASSERT_TRUE(writer.finish(1s).ok());
+  const Bytes expected[] = {{1, 0, 0, 3, 0, 6, 0, 9}, {1, 10, 0, 12, 0, 15, 0, 18}, {1, 20}};
+  ASSERT_EQ(session_->contents().chunks, 3u);
+  for (std::uint64_t seq = 0; seq < 3; ++seq)
+    EXPECT_EQ(pathListOf(*session_->readChunk(seq)), expected[seq]) << seq;
+}
+
+TEST_F(SpoolWriterTest, aChunkMadeOfTheTailCarriesThePathsOfItsPieces) {
+  {
+    SpoolWriter::Callbacks with_paths = callbacks();
+    std::uint64_t tick = 0;
+    with_paths.paths = [&](bool first) { return pathAt(tick++, first); };
+    SpoolWriter writer(ring_, session_, stepped(), with_paths);
+    push(0, 1290);
+    run(writer, 20);
+    push(1290, 400);
+    run(writer, 20);
+  }  // the program dies
+  reopen();
+  ASSERT_EQ(session_->contents().chunks, 2u);
+  EXPECT_EQ(pathListOf(*session_->readChunk(1)), (Bytes{1, 10, 0, 12, 0, 15}));
+}
+
+TEST_F(SpoolWriterTest, pathsBeyondAChunksRoomAreLeftOut) {
+  SpoolWriter::Callbacks with_paths = callbacks();
+  with_paths.paths = [](bool) { return Bytes(1000, 7); };
+  SpoolWriter writer(ring_, session_, stepped(), with_paths);
+  push(0, 1000);
+  ASSERT_TRUE(writer.finish(1s).ok());
+  EXPECT_EQ(pathListOf(*session_->readChunk(0)), Bytes(32'000, 7));
+}
+
 TEST_F(SpoolWriterTest, fromWhatTheRingDroppedOnThereIsNoMemory) {
   SpoolWriter::Callbacks with_memories = callbacks();
   with_memories.cut_memory = [](const GestureSample&, bool wanted) { return wanted ? Bytes{1} : Bytes(); };

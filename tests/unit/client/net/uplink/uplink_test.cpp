@@ -474,7 +474,8 @@ TEST_F(UplinkTest, liveFramesOnlyWhileSomebodyWatches) {
   uplink->add(session, true);
   ASSERT_TRUE(eventually([&] { return keptOf(server, *session).opened == 1; }));
   const auto samples = samplesFrom(0, 20);
-  SamplePiece piece{std::make_shared<const std::vector<GestureSample>>(samples), samples.back(), 20, 0, {}};
+  SamplePiece piece{
+      std::make_shared<const std::vector<GestureSample>>(samples), samples.back(), 20, 0, {}, {}};
   for (int i = 0; i < 5; ++i) uplink->offer(piece);
   ASSERT_TRUE(eventually([&] { return server.statusLines() >= 2; }));
   EXPECT_EQ(server.liveFrames(), 0u);

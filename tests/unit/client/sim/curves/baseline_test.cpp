@@ -42,18 +42,18 @@ TEST(Baseline, namesAreThoseOfTheJson) {
   EXPECT_EQ(nameOf(Baseline::kHoldTheLast), "HOLD_THE_LAST");
 }
 
-TEST(Baseline, thinnedBinsAreMeansOverEqualStretches) {
+TEST(Baseline, rebinnedValuesAreMeansOverEqualStretches) {
   std::vector<std::pair<double, double>> points;
   for (int i = 0; i < 10; ++i) points.emplace_back(i, 2 * i);
-  const auto few = thinned(binsAt(points), 3);
+  const auto few = rebinned(binsAt(points), 3);
   // stretches of 3: 0-2, 3-5, 6-9
   ASSERT_EQ(few.size(), 3u);
   EXPECT_DOUBLE_EQ(few[0].at, 1);
   EXPECT_DOUBLE_EQ(few[0].value, 2);
   EXPECT_DOUBLE_EQ(few[1].at, 4);
   EXPECT_DOUBLE_EQ(few[2].at, 7.5);
-  EXPECT_EQ(thinned(binsAt(points), 10).size(), 10u);
-  EXPECT_EQ(thinned(binsAt(points), 1).size(), 1u);
+  EXPECT_EQ(rebinned(binsAt(points), 10).size(), 10u);
+  EXPECT_EQ(rebinned(binsAt(points), 1).size(), 1u);
 }
 
 }  // namespace

@@ -217,7 +217,7 @@ TEST(GestureReplica, aStoredRecordingGivesNearlyTheSame) {
   EXPECT_LT(worst_N, 0.02);
 }
 
-TEST(GestureReplica, aThinnedStreamIsCalledApproximateInside) {
+TEST(GestureReplica, aStreamOfReducedRateIsCalledApproximateInside) {
   const SampleLesson lesson = sampleLesson("shoulder-adult");
   const auto spec = sceneSpecOf(lesson.profile);
   ASSERT_TRUE(spec);

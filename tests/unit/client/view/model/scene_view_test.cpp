@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "common/haptics/scene_model.h"
+#include "tests/support/anatomy/ball_profiles.h"
 #include "tests/support/random.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
@@ -328,6 +329,40 @@ TEST(SceneView, theHazardDistanceIsTheMinimumOverBothShapes) {
     // both segments are at most 0.104 m long: half a step each
     EXPECT_GE(found_m, min_m - 0.104 / kPoints) << round;
   }
+}
+
+TEST(SceneView, ofAVolumeIsThatOfTheBallOfLayers) {
+  const Pose X_WL{{0.3, -0.1, 0.2}, normalized(Quat{0.1, -0.4, 0.2, 0.8})};
+  const auto like = sceneViewOf(test::readProfile(test::ballOfLayers()), X_WL),
+             found = sceneViewOf(test::readProfile(test::ballOfRules()), X_WL);
+  ASSERT_TRUE(like.ok() && found.ok());
+  ASSERT_EQ(found->layers.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(found->layers[i].name, like->layers[i].name);
+    EXPECT_EQ(found->layers[i].tissue, like->layers[i].tissue);
+    EXPECT_EQ(found->layers[i].cutting_N, like->layers[i].cutting_N);
+    // below the plane that touches the skin at the focus: the ball's depth differs with the way aside
+    EXPECT_NEAR(found->layers[i].top_m, like->layers[i].top_m, 1e-4);
+    if (i < 2) EXPECT_NEAR(found->layers[i].bottom_m, like->layers[i].bottom_m, 1e-4);
+  }
+  EXPECT_NEAR(norm(found->focus_W_m - X_WL.p), 0, 1e-8) << "where the skin is at the profile's origin";
+  EXPECT_NEAR(norm(found->targets[0].middle_W_m - like->targets[0].middle_W_m), 0, 1e-6);
+  test::Random random(9);
+  for (int i = 0; i < 500; ++i) {
+    const double x = random.in(-0.03, 0.03), y = random.in(-0.03, 0.03), z = random.in(-0.045, 0.005);
+    const Vec3 p = X_WL * Vec3{x, y, z};
+    EXPECT_EQ(layerAt(*found, p), layerAt(*like, p));
+    EXPECT_EQ(layerAt(*like, p), layerAt(*like, depthAt(*like, p)));
+  }
+}
+
+TEST(SceneView, measuresAHazardThatIsAStructureByItsSurface) {
+  const auto scene = sceneViewOf(test::readProfile(test::withCyst()));
+  ASSERT_TRUE(scene.ok());
+  ASSERT_EQ(scene->hazards.size(), 1U);
+  const Vec3 beside = test::kCyst_m + Vec3{0.006, 0, 0};
+  EXPECT_NEAR(distanceToHazard_m(scene->hazards[0], beside, beside), 0.006 - test::kCystRadius_m, 1e-9);
+  EXPECT_LE(distanceToHazard_m(scene->hazards[0], beside - Vec3{0.012, 0, 0}, beside), 0);
 }
 
 }  // namespace

@@ -114,18 +114,18 @@ TEST(ResultTable, eachMeasureHasOneUnitForItsColumn) {
   // consistent with other texts below 1 m, 1 m/s and 1 J
   for (const MeasureKind& kind : measureKinds()) {
     if (kind.name.find('K') != std::string_view::npos || kind.name.ends_with("_share")) continue;
-    const ColumnUnit column = columnUnitOf(kind.name);
+    const ShownUnit column = columnUnitOf(kind.name);
     const std::string shown = valueText(0.5, std::string(kind.unit));
-    std::string unit(column.unit);
+    std::string unit(column.name);
     EXPECT_EQ(shown.substr(shown.size() - unit.size()), unit) << kind.name;
     const double number = std::stod(shown);
     EXPECT_NEAR(number, 0.5 * column.per_si, 0.05 * number) << kind.name;
   }
-  EXPECT_EQ(columnUnitOf("peak_force_layer_3_n").unit, "N");
-  EXPECT_EQ(columnUnitOf("injected_share").unit, "%");
+  EXPECT_EQ(columnUnitOf("peak_force_layer_3_n").name, "N");
+  EXPECT_EQ(columnUnitOf("injected_share").name, "%");
   EXPECT_DOUBLE_EQ(columnUnitOf("injected_share").per_si, 100);
   EXPECT_DOUBLE_EQ(columnUnitOf("planned_angle_error_rad").per_si * std::numbers::pi, 180);
-  EXPECT_EQ(columnUnitOf("of_a_later_program").unit, "");
+  EXPECT_EQ(columnUnitOf("of_a_later_program").name, "");
 }
 
 }  // namespace

@@ -106,7 +106,7 @@ TEST(Dtw, costsTheLongerPathTimesItsBand) {
   EXPECT_EQ(dtwCells(0, 1), 0u);
 }
 
-TEST(Paths, goFromTheFirstEntryToTheLastExit) {
+TEST(GesturePaths, goFromTheFirstEntryToTheLastExit) {
   const auto samples = inAndOut(1000);
   const TipPath path = tipPathOf(samples, 1000, {});
   // in tissue from the ease's share 4/9 on, s ≈ 0.4703: 5 s − 2·0.9406 s at 20 points per second
@@ -126,7 +126,7 @@ TEST(Paths, goFromTheFirstEntryToTheLastExit) {
   EXPECT_TRUE(tipPathOf(gesture(1000, 1, [](double, GestureSample&) {}), 1000, {}).empty());
 }
 
-TEST(Paths, aScoreHasTheDistanceFromTheNearestReference) {
+TEST(GesturePaths, aScoreHasTheDistanceFromTheNearestReference) {
   auto samples = inAndOut(1000);
   const TipPath itself = tipPathOf(samples, 1000, {});
   TipPath aside = itself, far = itself;

@@ -1,11 +1,24 @@
 // The pages of exports: their owner, the audit log, rows that appear and disappear, and the contents of
 // studies.
 #include "common/gesture/chunk.h"
+#include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/cut_snapshot.h"
 #include "tests/unit/db/service/records/records_fixture.h"
 
 namespace needlelab {
 namespace {
+
+/// A list of one path.
+Bytes pathAt(std::uint64_t tick) {
+  PathSnapshot snapshot;
+  snapshot.tick = tick;
+  snapshot.path.normal_W = {0, 0, 1};
+  snapshot.path.count = 1;
+  snapshot.path.layers[0] = {2, 0};
+  Bytes list;
+  EXPECT_TRUE(appendPath(snapshot, list));
+  return list;
+}
 
 class ExportPages : public test::RecordsTest {
  protected:
@@ -234,7 +247,8 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
     for (std::uint64_t seq = 0; seq < 3; ++seq) {
       // chunk 1 remembers cuts after its sixth sample, chunk 2 has bytes that are not a memory
       const Bytes cuts = seq == 1 ? encodeCuts({1025, {}, 4}) : seq == 2 ? Bytes(20, 7) : Bytes();
-      const Bytes chunk = encodeChunk({}, test::someSamples(1000 + seq * 20, 20), cuts);
+      const Bytes paths = seq == 1 ? pathAt(1030) : seq == 2 ? Bytes(20, 7) : Bytes();
+      const Bytes chunk = encodeChunk({}, test::someSamples(1000 + seq * 20, 20), cuts, paths);
       hash.update(chunk);
       if (auto appended = SessionStore(c).append(id, seq, chunk); !appended) return appended.error();
     }
@@ -272,6 +286,8 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
   ASSERT_GT(origin[0].tick, 0u);
   EXPECT_EQ(cutMemoryOf(viewOf(chunks.chunks(0).data())), encodeCuts({25, {}, 4}));
   EXPECT_TRUE(cutMemoryOf(viewOf(chunks.chunks(1).data())).empty()) << "unread, it might tell the clock";
+  EXPECT_EQ(pathListOf(viewOf(chunks.chunks(0).data())), pathAt(30));
+  EXPECT_TRUE(pathListOf(viewOf(chunks.chunks(1).data())).empty()) << "likewise";
   ASSERT_EQ(given.size(), original.size());
   for (std::size_t i = 0; i < given.size(); ++i) {
     EXPECT_EQ(given[i].tick, original[i].tick - origin[0].tick);

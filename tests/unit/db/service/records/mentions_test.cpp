@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -141,7 +143,10 @@ TEST_F(Mentions, inTitlesAreRemovedFromEachRevisionAndStationData) {
   EXPECT_THAT(wheres("anna.bell"), ElementsAre("remark 1", "group g1"));
   pb::Request curricula;
   curricula.mutable_list_curricula();
-  EXPECT_EQ(get(manager, curricula).curricula().curricula(0).name(), "With [name removed], again");
+  const pb::Reply listed = get(manager, curricula);
+  EXPECT_TRUE(std::ranges::any_of(listed.curricula().curricula(), [](const auto& course) {
+    return course.name() == "With [name removed], again";
+  }));
   pb::Request lesson;
   lesson.mutable_get_lesson()->set_exercise_id("anna");
   const auto exercise = nlohmann::json::parse(get(station, lesson).lesson().exercise_json());

@@ -40,10 +40,10 @@ TEST(Bootstrap, theFirstStartMakesAPrivateFolderWithTheSamples) {
   ASSERT_FALSE(embeddedSamples().empty());
   const auto outcome = store->service().execute(kAdmin, listProfiles());
   ASSERT_FALSE(outcome.error.has_value());
-  EXPECT_EQ(static_cast<std::size_t>(outcome.reply.profiles().profiles_size()), embeddedSamples().size() - 2);
+  EXPECT_EQ(static_cast<std::size_t>(outcome.reply.profiles().profiles_size()), embeddedSamples().size() - 3);
   pb::Request curricula;
   curricula.mutable_list_curricula();
-  EXPECT_EQ(store->service().execute(kAdmin, curricula).reply.curricula().curricula_size(), 2);
+  EXPECT_EQ(store->service().execute(kAdmin, curricula).reply.curricula().curricula_size(), 3);
 }
 
 TEST(Bootstrap, aSecondStartKeepsExistingData) {

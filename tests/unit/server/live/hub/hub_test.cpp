@@ -184,7 +184,7 @@ pb::LiveFrame longFrame(std::uint64_t n) {
   return frame;
 }
 
-TEST(Hub, aFrameIsDecodedOnceAndThinnedOncePerRate) {
+TEST(Hub, aFrameIsDecodedOnceAndReducedOncePerRate) {
   Hub hub;
   FakePeer station;
   std::vector<FakePeer> viewers(10);
@@ -194,7 +194,7 @@ TEST(Hub, aFrameIsDecodedOnceAndThinnedOncePerRate) {
   constexpr std::uint64_t kFrames = 7;
   for (std::uint64_t n = 0; n < kFrames; ++n) ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(n), 0));
   EXPECT_EQ(hub.framesDecoded(), kFrames);
-  EXPECT_EQ(hub.framesThinned(), 2 * kFrames) << "25 Hz and 60 Hz";
+  EXPECT_EQ(hub.framesReduced(), 2 * kFrames) << "25 Hz and 60 Hz";
   EXPECT_EQ(hub.framesOut(), 10 * kFrames);
   for (std::size_t i = 0; i < viewers.size(); ++i) {
     ASSERT_EQ(viewers[i].frames.size(), kFrames);
@@ -203,17 +203,17 @@ TEST(Hub, aFrameIsDecodedOnceAndThinnedOncePerRate) {
   EXPECT_EQ(decodeChunk(viewOf(viewers[0].live[3].live_frame().data()))->size(), 25u);
   EXPECT_EQ(decodeChunk(viewOf(viewers[1].live[3].live_frame().data()))->size(), 60u);
 
-  // a later viewer joins without another thinning; a rate that is no longer watched costs nothing
+  // a later viewer joins without another reduction; a rate that is no longer watched costs nothing
   FakePeer late;
   ASSERT_FALSE(hub.subscribe(late, toStation(1, "bench-1", 25), 0));
   for (std::size_t i = 1; i < viewers.size(); i += 2) hub.detachViewer(viewers[i]);
   ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(kFrames), 0));
-  EXPECT_EQ(hub.framesThinned(), 2 * kFrames + 1);
+  EXPECT_EQ(hub.framesReduced(), 2 * kFrames + 1);
   ASSERT_EQ(late.frames.size(), 1u);
   EXPECT_EQ(late.frames[0].get(), viewers[0].frames.back().get());
 }
 
-TEST(Hub, aFrameIsThinnedForFewRatesHoweverManyAreAskedFor) {
+TEST(Hub, aFrameIsReducedToFewRatesHoweverManyAreAskedFor) {
   Hub hub;
   FakePeer station;
   std::vector<FakePeer> viewers(1000);
@@ -222,7 +222,7 @@ TEST(Hub, aFrameIsThinnedForFewRatesHoweverManyAreAskedFor) {
     ASSERT_FALSE(hub.subscribe(viewers[i], toStation(1, "bench-1", static_cast<double>(i + 1)), 0));
   constexpr std::uint64_t kFrames = 2;
   for (std::uint64_t n = 0; n < kFrames; ++n) ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(n), 0));
-  EXPECT_EQ(hub.framesThinned(), 11 * kFrames) << "1, 2, 5, 10, 25, 30, 60, 100, 200, 500 and 1000 Hz";
+  EXPECT_EQ(hub.framesReduced(), 11 * kFrames) << "1, 2, 5, 10, 25, 30, 60, 100, 200, 500 and 1000 Hz";
   EXPECT_EQ(hub.framesOut(), 1000 * kFrames);
   EXPECT_EQ(decodeChunk(viewOf(viewers[58].live[0].live_frame().data()))->size(), 30u)
       << "59 Hz were asked for";
@@ -237,7 +237,7 @@ TEST(Hub, framesAreNotDecodedForFullRateViewers) {
   ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(0), 0));
   EXPECT_EQ(anna.frames.size(), 1u);
   EXPECT_EQ(hub.framesDecoded(), 0u);
-  EXPECT_EQ(hub.framesThinned(), 0u);
+  EXPECT_EQ(hub.framesReduced(), 0u);
 }
 
 TEST(Hub, aGarbageFrameReachesFullRateViewersOnly) {
@@ -280,6 +280,24 @@ TEST(Hub, theMemoryOfTheCutGoesToViewersAndHasABound) {
   ASSERT_TRUE(refusal.has_value());
   EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
   EXPECT_THAT(refusal->text(), testing::HasSubstr("cut_memory of 1025 bytes: the limit is 1024"));
+  EXPECT_EQ(fast.liveFrames(), 1u);
+}
+
+TEST(Hub, pathsInABodyGoToViewersAndHaveABound) {
+  Hub hub;
+  FakePeer station, fast;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(fast, toStation(1, "bench-1"), 0));
+  pb::LiveFrame frame;
+  frame.set_data("samples");
+  frame.set_paths(std::string(32'768, 'p'));
+  EXPECT_FALSE(hub.onLiveFrame("bench-1", frame, 0));
+  ASSERT_EQ(fast.liveFrames(), 1u);
+  frame.set_paths(std::string(32'769, 'p'));
+  const auto refusal = hub.onLiveFrame("bench-1", frame, 0);
+  ASSERT_TRUE(refusal.has_value());
+  EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
+  EXPECT_THAT(refusal->text(), testing::HasSubstr("paths of 32769 bytes: the limit is 32768"));
   EXPECT_EQ(fast.liveFrames(), 1u);
 }
 
@@ -389,7 +407,7 @@ TEST(Hub, theLargestStatusesFitAViewersQueueAndAList) {
                           [](const auto& info) { return info.online(); }));
 }
 
-TEST(Hub, overviewsAreDecimatedByTheNumberOfStations) {
+TEST(Hub, overviewsAreSlowedByTheNumberOfStations) {
   HubSettings settings;
   settings.overview_lines_per_s = 200;
   Hub hub(settings);

@@ -296,8 +296,9 @@ TEST(ProgressPlot, isInTheUnitsAndTheExpertsRangeThatTheReaderSees) {
        {Row{"largest_lateral_error_m", "m", "mm", 0.0023, 2.3},
         Row{"tissue_damage_m2", "m^2", "cm²", 1.5e-4, 1.5},
         Row{"planned_angle_error_rad", "rad", "°", std::numbers::pi / 18, 10},
-        Row{"injected_share", "", "%", 0.08, 8}, Row{"mean_speed_m_s", "m/s", "mm/s", 0.02, 20},
-        Row{"peak_force_n", "N", "N", 3.25, 3.25}, Row{"elapsed_s", "s", "s", 61, 61}}) {
+        Row{"clamping_work_j", "J", "mJ", 0.0061, 6.1}, Row{"injected_share", "", "%", 0.08, 8},
+        Row{"mean_speed_m_s", "m/s", "mm/s", 0.02, 20}, Row{"peak_force_n", "N", "N", 3.25, 3.25},
+        Row{"elapsed_s", "s", "s", 61, 61}}) {
     for (const bool enough : {true, false}) {
       ReportData data;
       pb::ReferenceBand band;

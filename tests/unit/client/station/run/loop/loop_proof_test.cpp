@@ -14,7 +14,9 @@
 
 #include "client/device/factory/device_factory.h"
 #include "client/station/run/loop/black_box.h"
+#include "client/station/run/loop/path_worker.h"
 #include "common/haptics/gate/force_gate.h"
+#include "tests/support/anatomy/bodies.h"
 #include "tests/support/realtime/no_alloc.h"
 #include "tests/support/realtime/no_lock.h"
 #include "tests/support/realtime/syscall_jail.h"
@@ -113,8 +115,10 @@ class LoopProof : public LoopFixture {
     ServoSettings settings{kRate, {}, max_ticks, FaultPolicy::kWait};
     settings.black_box = box_.get();
     settings.passivity.emplace();
-    loop_ = std::make_unique<ServoLoop>(model_, device, clock, *ring_, settings);
+    if (model_.body_spec) paths_ = std::make_unique<PathWorker>(model_);
+    loop_ = std::make_unique<ServoLoop>(model_, device, clock, *ring_, settings, paths_.get());
   }
+  void useBody() { model_ = *compile(sceneIn(arm()), kRate); }
   // The loop passed through every state, so the proof covers all of them.
   void expectWholeLife(ServoEnd end) {
     const ServoStats& stats = loop_->stats();
@@ -126,6 +130,8 @@ class LoopProof : public LoopFixture {
   }
   TempFolder folder_;
   std::unique_ptr<BlackBox> box_;
+  std::unique_ptr<PathWorker> paths_;  // outlives the loop's last tick, not the loop: see TearDown
+  void TearDown() override { loop_.reset(); }
 };
 
 TEST_F(LoopProof, noHeapAndNoLockInAWholeLife) {
@@ -185,6 +191,31 @@ TEST_F(LoopProof, underLoadItKeepsItsGuaranteesAndLosesNothing) {
   EXPECT_EQ(counts.not_kept + counts.not_written + counts.ticks_refused, 0u);
 }
 
+TEST_F(LoopProof, inABodyTheThreadBesideItMakesThePaths) {
+  useBody();
+  TroubledDevice device;
+  LoopTime clock;
+  prepare(device, clock, 0);
+  device.ends = loop_.get();
+  Beside beside(*loop_, *ring_);
+  std::uint64_t heap_calls = 1, lock_calls = 1;
+  std::thread haptic([&] {
+    const NoAllocScope no_heap;
+    const NoLockScope no_lock;
+    loop_->run();
+    lock_calls = no_lock.calls();
+    heap_calls = no_heap.calls();
+  });
+  haptic.join();
+  beside.finish();
+  EXPECT_EQ(heap_calls, 0u);
+  if (NoLockScope::works()) {
+    EXPECT_EQ(lock_calls, 0u);
+  }
+  expectWholeLife(ServoEnd::kStopped);
+  EXPECT_GE(loop_->stats().flag_ticks[12], 1u) << "new paths";
+}
+
 TEST_F(LoopProof, theLockWatcherWouldSeeALock) {
   if (!NoLockScope::works()) GTEST_SKIP() << "a sanitizer has its own locks";
   std::mutex mutex;
@@ -226,6 +257,16 @@ class LoopJail : public LoopProof {
 };
 
 TEST_F(LoopJail, aWholeLifeNeedsNoSystemCallButTheClocks) {
+  TroubledDevice device;
+  const JailOutcome outcome = live(device);
+  if (!outcome.supported) GTEST_SKIP() << "no filter of system calls here";
+  EXPECT_EQ(outcome.forbidden_call, -1);
+  ASSERT_TRUE(outcome.finished);
+  EXPECT_EQ(outcome.result, 0);
+}
+
+TEST_F(LoopJail, inABodyItNeedsNoneEither) {
+  useBody();
   TroubledDevice device;
   const JailOutcome outcome = live(device);
   if (!outcome.supported) GTEST_SKIP() << "no filter of system calls here";

@@ -12,7 +12,7 @@
 namespace needlelab::test {
 namespace {
 
-TEST(RtThread, eachStepTellsWhetherItWorkedAndWhatThatMeans) {
+TEST(RealTimeThread, eachStepTellsWhetherItWorkedAndWhatThatMeans) {
   // Every step gives a message, regardless of what this machine allows.
   std::vector<RtStep> steps;
   std::thread([&] { steps = makeThreadRealTime(10); }).join();
@@ -23,7 +23,7 @@ TEST(RtThread, eachStepTellsWhetherItWorkedAndWhatThatMeans) {
   }
 }
 
-TEST(RtThread, runsAtItsReportedPriority) {
+TEST(RealTimeThread, runsAtItsReportedPriority) {
   std::vector<RtStep> steps;
   int policy = -1;
   sched_param now{};
@@ -37,14 +37,14 @@ TEST(RtThread, runsAtItsReportedPriority) {
   if (std::getenv("NEEDLELAB_MAY_FIFO") != nullptr) EXPECT_TRUE(steps[0].ok) << steps[0].message;
 }
 
-TEST(RtThread, aPriorityThatDoesNotExistIsNotTakenSilently) {
+TEST(RealTimeThread, aPriorityThatDoesNotExistIsNotTakenSilently) {
   std::vector<RtStep> steps;
   std::thread([&] { steps = makeThreadRealTime(1000); }).join();
   EXPECT_FALSE(steps[0].ok);
   EXPECT_NE(steps[0].message.find("ordinary priority"), std::string::npos);
 }
 
-TEST(RtThread, aDedicatedCoreIsUsedAndAMissingOneIsNamed) {
+TEST(RealTimeThread, aDedicatedCoreIsUsedAndAMissingOneIsNamed) {
   cpu_set_t allowed;
   ASSERT_EQ(::pthread_getaffinity_np(::pthread_self(), sizeof allowed, &allowed), 0);
   RtOptions options;
@@ -115,7 +115,7 @@ TEST(LoopCore, theOnlyCoreIsLeftToAll) {
   }).join();
 }
 
-TEST(RtThread, aCoreThatNeedsThePriorityIsNotTakenWithoutIt) {
+TEST(RealTimeThread, aCoreThatNeedsThePriorityIsNotTakenWithoutIt) {
   RtOptions options;
   options.priority = 1000;  // refused everywhere
   options.cpu = 0;
@@ -125,7 +125,7 @@ TEST(RtThread, aCoreThatNeedsThePriorityIsNotTakenWithoutIt) {
   for (const RtStep& step : steps) EXPECT_NE(step.name, "core");
 }
 
-TEST(RtThread, theSpinsCostIsReported) {
+TEST(RealTimeThread, theSpinsCostIsReported) {
   RtOptions options;
   options.spin_ns = 80'000;
   std::vector<RtStep> steps;
@@ -160,7 +160,7 @@ TEST(LoopTime, sleepsUntilTheTimeAndNotForTimesThatPassed) {
 using testing::HasSubstr;
 
 /// A fake machine made of files.
-class RtMachine : public testing::Test {
+class RealTimeMachine : public testing::Test {
  protected:
   void put(const std::string& path, const std::string& text) {
     std::filesystem::create_directories((folder_.path() / path).parent_path());
@@ -173,11 +173,11 @@ class RtMachine : public testing::Test {
   TempFolder folder_;
 };
 
-TEST_F(RtMachine, whatCannotBeSeenIsNotSpokenOf) {
+TEST_F(RealTimeMachine, whatCannotBeSeenIsNotSpokenOf) {
   EXPECT_TRUE(judgeMachine({}, folder_.path()).empty());
 }
 
-TEST_F(RtMachine, theFifoThrottleMattersOnlyToALongSpin) {
+TEST_F(RealTimeMachine, theFifoThrottleMattersOnlyToALongSpin) {
   fifoShare("950000");
   RtOptions options;
   options.spin_ns = 200'000;
@@ -193,7 +193,7 @@ TEST_F(RtMachine, theFifoThrottleMattersOnlyToALongSpin) {
   EXPECT_TRUE(judgeMachine(options, folder_.path())[0].ok);
 }
 
-TEST_F(RtMachine, aGovernorThatSavesPowerIsNamedWithItsCure) {
+TEST_F(RealTimeMachine, aGovernorThatSavesPowerIsNamedWithItsCure) {
   put("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance");
   EXPECT_TRUE(judgeMachine({}, folder_.path())[0].ok);
   put("sys/devices/system/cpu/cpu1/cpufreq/scaling_governor", "powersave");
@@ -208,7 +208,7 @@ TEST_F(RtMachine, aGovernorThatSavesPowerIsNamedWithItsCure) {
   EXPECT_TRUE(judgeMachine(options, folder_.path())[0].ok);
 }
 
-TEST_F(RtMachine, deepSleepIsHeldOffByAFileThatStaysOpen) {
+TEST_F(RealTimeMachine, deepSleepIsHeldOffByAFileThatStaysOpen) {
   put("dma_latency", "");
   {
     const ShallowSleep awake(folder_.path() / "dma_latency");

@@ -84,6 +84,22 @@ TEST(LessonBoard, givesTheNewestMemoryOfTheCutWithTheSamples) {
   EXPECT_TRUE(memory.empty());
 }
 
+TEST(LessonBoard, givesEveryPathOfTheSamples) {
+  LessonBoard board(10);
+  board.began(someLesson());
+  for (std::uint8_t i = 0; i < 25; ++i) {
+    SamplePiece piece = pieceFrom(std::uint64_t{20} * i);
+    if (i % 4 == 0) piece.paths = {i, 1};
+    board.piece(piece);
+  }
+  std::vector<GestureSample> samples;
+  Bytes paths = {0};
+  board.takeSamples(1, samples, nullptr, &paths);
+  EXPECT_EQ(paths, (Bytes{16, 1, 20, 1, 24, 1})) << "of the last ten pieces";
+  board.takeSamples(1, samples, nullptr, &paths);
+  EXPECT_TRUE(paths.empty());
+}
+
 TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
   LessonBoard board;
   board.began(someLesson());

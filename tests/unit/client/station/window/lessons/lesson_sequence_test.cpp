@@ -43,9 +43,9 @@ class LaterTime : public MachineTime {
   std::atomic<std::int64_t> later_ns_{0};
 };
 
-class ConductorTest : public testing::Test {
+class LessonSequenceTest : public testing::Test {
  protected:
-  ConductorTest() {
+  LessonSequenceTest() {
     sigemptyset(&signals_);
     options_.profile_file = NEEDLELAB_SAMPLES "/shoulder-adult.json";
     options_.spool = folder_.path() / "spool";
@@ -59,7 +59,7 @@ class ConductorTest : public testing::Test {
     sequence_ = std::make_unique<LessonSequence>(options_, signals_, board_, alone, begins, time_);
     thread_ = std::thread([this] { code_ = sequence_->run(); });
   }
-  ~ConductorTest() override {
+  ~LessonSequenceTest() override {
     if (thread_.joinable()) quit();
   }
   int quit() {
@@ -95,7 +95,7 @@ class ConductorTest : public testing::Test {
   std::uint64_t seen_ = 0;
 };
 
-TEST_F(ConductorTest, showsWhatCanBePractisedAndHowTheDeviceIs) {
+TEST_F(LessonSequenceTest, showsWhatCanBePractisedAndHowTheDeviceIs) {
   start();
   ASSERT_TRUE(
       until([](const BoardState& state) { return state.stage == Stage::kStart && state.device.is_checked; }));
@@ -105,7 +105,7 @@ TEST_F(ConductorTest, showsWhatCanBePractisedAndHowTheDeviceIs) {
   EXPECT_EQ(quit(), kExitDone) << "looking and leaving is no error";
 }
 
-TEST_F(ConductorTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
+TEST_F(LessonSequenceTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   std::string first;
@@ -132,7 +132,7 @@ TEST_F(ConductorTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
   EXPECT_EQ(out["session_id"], first);
 }
 
-TEST_F(ConductorTest, aPersonEndsALessonAndIsNamed) {
+TEST_F(LessonSequenceTest, aPersonEndsALessonAndIsNamed) {
   options_.seconds = 0;
   start(true);
   ASSERT_TRUE(until(
@@ -146,7 +146,7 @@ TEST_F(ConductorTest, aPersonEndsALessonAndIsNamed) {
   EXPECT_EQ(summary()["stop_reason"], "wrong side");
 }
 
-TEST_F(ConductorTest, whoQuitsInALessonKeepsIt) {
+TEST_F(LessonSequenceTest, whoQuitsInALessonKeepsIt) {
   options_.seconds = 0;
   start(true);
   ASSERT_TRUE(until(
@@ -155,7 +155,7 @@ TEST_F(ConductorTest, whoQuitsInALessonKeepsIt) {
   EXPECT_GT(summary()["samples"], 100);
 }
 
-TEST_F(ConductorTest, aLessonThatCannotBeginIsReportedAtTheStart) {
+TEST_F(LessonSequenceTest, aLessonThatCannotBeginIsReportedAtTheStart) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   board_.ask({BoardRequest::Kind::kBegin, {"tom", "never-fetched", false}});
@@ -169,7 +169,7 @@ TEST_F(ConductorTest, aLessonThatCannotBeginIsReportedAtTheStart) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(ConductorTest, cancellingDuringPreparationReturnsToTheStart) {
+TEST_F(LessonSequenceTest, cancellingDuringPreparationReturnsToTheStart) {
   // The lesson's own thread requests the stop as soon as the first step is reported.
   struct CallsOff : LessonObserver {
     LessonRequests* requests = nullptr;
@@ -186,7 +186,7 @@ TEST_F(ConductorTest, cancellingDuringPreparationReturnsToTheStart) {
   EXPECT_TRUE(home.spool().unfinished().empty()) << "nothing was begun";
 }
 
-TEST_F(ConductorTest, aloneAWrongExerciseIsTheExitCode) {
+TEST_F(LessonSequenceTest, aloneAWrongExerciseIsTheExitCode) {
   options_.profile_file.clear();
   options_.exercise = "never-fetched";
   start(true, true);
@@ -194,7 +194,7 @@ TEST_F(ConductorTest, aloneAWrongExerciseIsTheExitCode) {
   EXPECT_EQ(quit(), kExitInvalid);
 }
 
-TEST_F(ConductorTest, anUnopenableSpoolIsReportedAndSetsTheExitCode) {
+TEST_F(LessonSequenceTest, anUnopenableSpoolIsReportedAndSetsTheExitCode) {
   std::ofstream(folder_.path() / "file") << "x";
   options_.spool = folder_.path() / "file" / "spool";
   start();
@@ -203,7 +203,7 @@ TEST_F(ConductorTest, anUnopenableSpoolIsReportedAndSetsTheExitCode) {
   EXPECT_NE(quit(), kExitDone);
 }
 
-TEST_F(ConductorTest, theNextExerciseIsPreselectedOnce) {
+TEST_F(LessonSequenceTest, theNextExerciseIsPreselectedOnce) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   board_.nextExercise("ines", "knee-recess");
@@ -219,7 +219,7 @@ TEST_F(ConductorTest, theNextExerciseIsPreselectedOnce) {
 
 // Between lessons, on one thread and a simulated clock: each turn waits up to 100 ms for a request, checks
 // server and spool every 500 ms, and a missing device every 5 s.
-TEST_F(ConductorTest, theTurnsBetweenLessonsComeAtTheirTimes) {
+TEST_F(LessonSequenceTest, theTurnsBetweenLessonsComeAtTheirTimes) {
   class Turns : public FakeTime {
    public:
     void sleepUntilNs(std::int64_t due_ns) noexcept override {
@@ -254,7 +254,7 @@ TEST_F(ConductorTest, theTurnsBetweenLessonsComeAtTheirTimes) {
   EXPECT_EQ(time.sleeps(), 80u);
 }
 
-TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
+TEST_F(LessonSequenceTest, aSteeredHandGoesWhereItIsWished) {
   options_.hand.plan = kPointerPlan;
   options_.hand.tremor_m = 0;
   options_.seconds = 0;
@@ -276,9 +276,9 @@ TEST_F(ConductorTest, aSteeredHandGoesWhereItIsWished) {
 
 // --- a server that asks for codes
 
-class CodeSequenceTest : public ConductorTest {
+class LessonSequenceCodesTest : public LessonSequenceTest {
  protected:
-  CodeSequenceTest() {
+  LessonSequenceCodesTest() {
     options_.profile_file.clear();
     options_.station = "station-1";
     options_.servers = {{"127.0.0.1", server_->port()}};
@@ -316,7 +316,7 @@ class CodeSequenceTest : public ConductorTest {
   std::unique_ptr<FakeServer> server_ = std::make_unique<FakeServer>();
 };
 
-TEST_F(CodeSequenceTest, anExamEndsWithItsResultDateOnly) {
+TEST_F(LessonSequenceCodesTest, anExamEndsWithItsResultDateOnly) {
   pb::Lesson exam = server_->lesson();
   exam.set_assigned_only(true);
   exam.set_exam(true);
@@ -337,7 +337,7 @@ TEST_F(CodeSequenceTest, anExamEndsWithItsResultDateOnly) {
   EXPECT_TRUE(summary()["score"].is_null());
 }
 
-TEST_F(CodeSequenceTest, aCodeIsAskedForOnceAndReused) {
+TEST_F(LessonSequenceCodesTest, aCodeIsAskedForOnceAndReused) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   begin("tom");
@@ -362,7 +362,7 @@ TEST_F(CodeSequenceTest, aCodeIsAskedForOnceAndReused) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(CodeSequenceTest, theStartScreenForgetsTheCode) {
+TEST_F(LessonSequenceCodesTest, theStartScreenForgetsTheCode) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   practiseAsTom();
@@ -376,7 +376,7 @@ TEST_F(CodeSequenceTest, theStartScreenForgetsTheCode) {
   EXPECT_EQ(quit(), kExitDone) << "leaving at the question is not an error";
 }
 
-TEST_F(CodeSequenceTest, twoMinutesAfterTheLessonTheCodeIsForgotten) {
+TEST_F(LessonSequenceCodesTest, twoMinutesAfterTheLessonTheCodeIsForgotten) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   practiseAsTom();
@@ -392,7 +392,7 @@ TEST_F(CodeSequenceTest, twoMinutesAfterTheLessonTheCodeIsForgotten) {
   EXPECT_FALSE(state_.code_question->wrong);
 }
 
-TEST_F(CodeSequenceTest, aChangedCodeIsNotThePersonsMistake) {
+TEST_F(LessonSequenceCodesTest, aChangedCodeIsNotThePersonsMistake) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   practiseAsTom();
@@ -407,7 +407,7 @@ TEST_F(CodeSequenceTest, aChangedCodeIsNotThePersonsMistake) {
   ASSERT_TRUE(untilEndOf(2)) << state_.trouble;
 }
 
-TEST_F(CodeSequenceTest, somebodyElsesLessonForgetsTheCode) {
+TEST_F(LessonSequenceCodesTest, somebodyElsesLessonForgetsTheCode) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   practiseAsTom();
@@ -420,7 +420,7 @@ TEST_F(CodeSequenceTest, somebodyElsesLessonForgetsTheCode) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(CodeSequenceTest, tooManyWrongCodesShowTheServersRetryTime) {
+TEST_F(LessonSequenceCodesTest, tooManyWrongCodesShowTheServersRetryTime) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   begin("tom");
@@ -437,7 +437,7 @@ TEST_F(CodeSequenceTest, tooManyWrongCodesShowTheServersRetryTime) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(CodeSequenceTest, withoutTheServerTheLessonBeginsUnchecked) {
+TEST_F(LessonSequenceCodesTest, withoutTheServerTheLessonBeginsUnchecked) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
   practiseAsTom();
@@ -449,7 +449,7 @@ TEST_F(CodeSequenceTest, withoutTheServerTheLessonBeginsUnchecked) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(CodeSequenceTest, withoutAServerNoCodeIsAskedFor) {
+TEST_F(LessonSequenceCodesTest, withoutAServerNoCodeIsAskedFor) {
   options_.trainee = "tom";
   options_.exercise = "ball";
   start(true, true);

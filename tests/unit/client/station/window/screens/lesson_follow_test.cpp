@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "client/station/run/io/options.h"
-#include "client/station/run/lesson/cut_follower.h"
+#include "client/station/run/lesson/memory_follower.h"
 #include "client/station/window/screens/end_screen.h"
 #include "client/station/window/screens/lesson_follow.h"
 #include "client/station/window/screens/lesson_screen.h"
@@ -105,7 +105,7 @@ TEST(LessonFollow, behindAGapTheStationsMemoryTellsTheOldCuts) {
   useUsualNumbers(effectEntry(Effect::kCutMemory), lesson.scene);
   lesson.model = *compile(lesson.scene, 1000);
   // from 5 mm outside to 20 mm inside and out again, three times
-  CutFollower follower(lesson.model);
+  MemoryFollower follower(lesson.model);
   const auto engine = std::make_unique<SimState>();
   StepReport report;
   std::vector<GestureSample> samples;
@@ -116,7 +116,7 @@ TEST(LessonFollow, behindAGapTheStationsMemoryTellsTheOldCuts) {
     step(lesson.model, tip, *engine, report);
     const GestureSample sample = test::storedSample(k, tip, report);
     follower.follow(sample);
-    if (k == 4050) memory = follower.memory();
+    if (k == 4050) memory = follower.cuts();
     samples.push_back(sample);
   }
   ASSERT_FALSE(memory.empty());

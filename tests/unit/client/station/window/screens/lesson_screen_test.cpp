@@ -29,11 +29,11 @@ TEST(LessonLine, saysWhoAndWhichAttemptOrThatACodeWasNotChecked) {
             "tom: The server is away: your code was not checked. A manager confirms this session later.");
 }
 
-TEST(OverlayWords, calmIsNothing) {
+TEST(Overlay, calmIsNothing) {
   EXPECT_EQ(overlayOf({}).kind, Overlay::Kind::kNone);
 }
 
-TEST(OverlayWords, aFaultShowsItsCauseAndAdvice) {
+TEST(Overlay, aFaultShowsItsCauseAndAdvice) {
   const Overlay overlay = overlayOf(faulted(Fault::kTipTooFast));
   EXPECT_EQ(overlay.kind, Overlay::Kind::kFault);
   EXPECT_THAT(overlay.what, HasSubstr(faultText(Fault::kTipTooFast) + 1));
@@ -42,7 +42,7 @@ TEST(OverlayWords, aFaultShowsItsCauseAndAdvice) {
   EXPECT_TRUE(overlay.can_acknowledge);
 }
 
-TEST(OverlayWords, aCauseThatLastsIsToBeMendedFirst) {
+TEST(Overlay, aCauseThatLastsIsToBeMendedFirst) {
   LessonStatus status = faulted(Fault::kEmergencyStop);
   status.cause_lasts = true;
   const Overlay overlay = overlayOf(status);
@@ -50,7 +50,7 @@ TEST(OverlayWords, aCauseThatLastsIsToBeMendedFirst) {
   EXPECT_FALSE(overlay.can_acknowledge);
 }
 
-TEST(OverlayWords, whoHasSeenItOnlyNeedsToTakeTheNeedleOut) {
+TEST(Overlay, whoHasSeenItOnlyNeedsToTakeTheNeedleOut) {
   LessonStatus status = faulted(Fault::kDeviceTooFast);
   status.acknowledged = true;
   const Overlay overlay = overlayOf(status);
@@ -58,14 +58,14 @@ TEST(OverlayWords, whoHasSeenItOnlyNeedsToTakeTheNeedleOut) {
   EXPECT_FALSE(overlay.can_acknowledge);
 }
 
-TEST(OverlayWords, aLessonEndingFaultSaysThatTheLessonIsStored) {
+TEST(Overlay, aLessonEndingFaultSaysThatTheLessonIsStored) {
   LessonStatus status = faulted(Fault::kTipTooFast);
   status.waits = false;
   EXPECT_THAT(overlayOf(status).todo, HasSubstr("stored"));
   EXPECT_FALSE(overlayOf(status).can_acknowledge);
 }
 
-TEST(OverlayWords, eachHoldHasItsRemedy) {
+TEST(Overlay, eachHoldHasItsRemedy) {
   const std::pair<std::uint32_t, const char*> holds[] = {{kDeviceReleased, "Take the handle"},
                                                          {kDevicePowerOff, "motors on"},
                                                          {kDeviceNotReady, "Wait"},
@@ -81,7 +81,7 @@ TEST(OverlayWords, eachHoldHasItsRemedy) {
   }
 }
 
-TEST(OverlayWords, theDevicesOwnWordsGoFirst) {
+TEST(Overlay, theDevicesOwnWordsGoFirst) {
   LessonStatus status;
   status.hold = "the motors have no power";
   status.device_status = "press the green button";

@@ -5,7 +5,7 @@
 namespace needlelab {
 namespace {
 
-class Talk : public test::ServiceTest {
+class MessagesToStation : public test::ServiceTest {
  protected:
   void SetUp() override { addStation(); }
   static pb::Request messageTo(const std::string& name, const std::string& text) {
@@ -40,7 +40,7 @@ class Talk : public test::ServiceTest {
   }
 };
 
-TEST_F(Talk, everyWordIsInTheAuditLogWithWhoAndWhat) {
+TEST_F(MessagesToStation, everyWordIsInTheAuditLogWithWhoAndWhat) {
   expectDelivered(instructor, messageTo("station-1", "slower, please"));
   pb::AuditEntry line = newestAudit();
   EXPECT_EQ(line.who(), "ina");
@@ -80,7 +80,7 @@ TEST_F(Talk, everyWordIsInTheAuditLogWithWhoAndWhat) {
   expectDelivered(instructor, stop(""));
 }
 
-TEST_F(Talk, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
+TEST_F(MessagesToStation, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
   const auto before = newestAudit().id();
   pb::Request wrong = aids({pb::Exercise::DEPTH, pb::Exercise::DEPTH});
   EXPECT_EQ(refusal(instructor, wrong), ErrorCode::kInvalidInput) << "twice";
@@ -111,7 +111,7 @@ TEST_F(Talk, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
   EXPECT_EQ(newestAudit().id(), before) << "a refused message was never sent";
 }
 
-TEST_F(Talk, aRemarkOnARunningLessonIsKept) {
+TEST_F(MessagesToStation, aRemarkOnARunningLessonIsKept) {
   addPerson("anna", pb::TRAINEE);
   const Uuid id = addSession("anna", 3);
   pb::Request annotate;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/anatomy/ball_profiles.h"
 #include "tests/support/time_zone.h"
 #include "tests/unit/db/service/requests/results/teaching_fixture.h"
 
@@ -715,6 +716,29 @@ TEST_F(Teaching, aTextIsCheckedWithoutBeingStored) {
       check(R"({"id":"c","name":"C","exercises":[{"id":"x","name":"X","profile_id":"nothing"}]})", "course");
   ASSERT_EQ(course.problems_size(), 1);
   EXPECT_EQ(course.problems(0).path(), "exercises[0].profile_id");
+}
+
+TEST_F(Teaching, thePreviewOfAVolumeIsThatOfTheBallOfLayers) {
+  const auto previewOf = [&](const nlohmann::json& tree) {
+    pb::Request request;
+    request.mutable_preview_profile()->set_json(tree.dump());
+    request.mutable_preview_profile()->set_to_depth_m(0.025);
+    request.mutable_preview_profile()->set_points(100);
+    return get(instructor, request).profile_preview();
+  };
+  const auto expected = previewOf(test::ballOfLayers()), found = previewOf(test::ballOfRules());
+  ASSERT_EQ(found.total_n_size(), expected.total_n_size());
+  double peak_N = 0;
+  for (int i = 0; i < found.total_n_size(); ++i) {
+    EXPECT_NEAR(found.total_n(i), expected.total_n(i), 1e-3) << found.depth_m(i);
+    peak_N = std::max(peak_N, std::abs(found.total_n(i)));
+  }
+  EXPECT_GT(peak_N, 0.5);
+  ASSERT_EQ(found.layers_size(), 3);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(found.layers(i).name(), expected.layers(i).name());
+    EXPECT_NEAR(found.layers(i).from_m(), expected.layers(i).from_m(), 1e-6);
+  }
 }
 
 TEST_F(Teaching, thePreviewIsWhatTheEngineRenders) {

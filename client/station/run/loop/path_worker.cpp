@@ -1,0 +1,34 @@
+#include "client/station/run/loop/path_worker.h"
+
+#include <memory>
+
+namespace needlelab {
+
+PathWorker::PathWorker(const SceneModel& body) : body_(body), thread_([this] { work(); }) {}
+
+PathWorker::~PathWorker() {
+  stop_.store(true, std::memory_order_relaxed);
+  thread_.join();
+  deleteRetired();
+  for (PathStack* made = nullptr; made_.pop(made);) delete made;
+}
+
+void PathWorker::deleteRetired() {
+  for (PathStack* path = nullptr; retired_.pop(path);) delete path;
+}
+
+void PathWorker::work() {
+  PathAsk ask;
+  while (!stop_.load(std::memory_order_relaxed)) {
+    deleteRetired();
+    if (!asks_.pop(ask)) {
+      std::this_thread::sleep_for(kPathPoll);
+      continue;
+    }
+    PathLayers path;
+    std::unique_ptr<PathStack> made = findPath(body_, ask, path) ? compilePath(body_, path) : nullptr;
+    if (made_.push(made.get())) static_cast<void>(made.release());
+  }
+}
+
+}  // namespace needlelab

@@ -1,0 +1,260 @@
+#include "client/view/model/body_view.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "common/anatomy/field_body.h"
+#include "common/anatomy/surface_nets.h"
+#include "common/haptics/surface.h"
+#include "common/profile/scene_of_profile.h"
+#include "common/profile/volume.h"
+
+namespace needlelab {
+namespace {
+
+constexpr double kAtOrigin_m = 2e-3;  // a skin this near to L's origin is the entry that the author meant
+constexpr double kLeastExtent_m = 0.04, kWholeExtent_m = 0.065;  // enough of the body to recognise it
+constexpr double kCoarse_m = 4e-3;                               // the cell of a first mesh, for its area
+constexpr double kSheetCells = 0.55, kTubeCells = 0.7;           // candidateOf
+constexpr double kThinnest_m = 2e-3, kMostGrown_m = 0.5e-3;
+constexpr double kFirstCell_m = 1.2e-3;
+constexpr double kMinCell_m = 0.6e-3, kMaxPartCell_m = 2.2e-3, kMaxCell_m = 4.5e-3;
+
+struct NameWord {
+  std::string_view word;
+  StructureShape shape;
+  std::uint32_t colour;
+};
+constexpr std::array<NameWord, 14> kNameWords = {{
+    {"nerve", StructureShape::kLine, 0xF2DC3C},
+    {"plexus", StructureShape::kLine, 0xF2DC3C},
+    {"arter", StructureShape::kLine, 0xD0392B},
+    {"vein", StructureShape::kLine, 0x5A79CF},
+    {"vessel", StructureShape::kLine, 0xD0392B},
+    {"cauda", StructureShape::kLine, 0xF2DC3C},
+    {"fascia", StructureShape::kSoft, 0xD8CFC0},
+    {"retinaculum", StructureShape::kSoft, 0xD8CFC0},
+    {"dura", StructureShape::kSoft, 0xC9B7CE},
+    {"cerebrospinal", StructureShape::kSoft, 0xA9D3EA},
+    {"fluid", StructureShape::kSoft, 0xA9D3EA},
+    {"abdom", StructureShape::kSoft, 0xB98375},
+    {"viscera", StructureShape::kSoft, 0xB98375},
+    {"disc", StructureShape::kSolid, 0xB9CBB4},
+}};
+
+constexpr Rgb kNameless = rgbOf(0xBCA99C);
+
+const NameWord* wordOf(const LayerView& structure) {
+  if (structure.tissue != pb::Layer::OTHER) return nullptr;
+  for (const NameWord& one : kNameWords)
+    if (structure.name.find(one.word) != std::string::npos) return &one;
+  return nullptr;
+}
+
+/// Half of the middle one of the sides of a box around the body: half a limb's breadth.
+double halfBreadth_m(const Field& field) {
+  const FieldBox box = field.boxAround(kWholeBody);
+  const Vec3 size_m = box.high_m - box.low_m;
+  std::array<double, 3> sides = {size_m.x, size_m.y, size_m.z};
+  std::sort(sides.begin(), sides.end());
+  return 0.5 * sides[1];
+}
+
+Vec3 outwardAt(const SceneView& scene, Vec3 p_W_m) {
+  return surfaceNormal(scene.limb_W, p_W_m, -zAxis(scene.X_WL.q));
+}
+
+FieldBox boxNearFocus(const SceneView& scene) {
+  const Vec3 focus_L_m = inverse(scene.X_WL) * scene.focus_W_m;
+  const double reach_m = bodyReach_m(scene);
+  const Vec3 half{reach_m, reach_m, reach_m};
+  return {focus_L_m - half, focus_L_m + half};
+}
+
+Mesh meshOf(const SurfaceMesh& surface) {
+  Mesh mesh;
+  mesh.vertices.reserve(surface.vertices.size());
+  mesh.triangles.reserve(3 * surface.triangles.size());
+  for (const SurfaceMesh::Vertex& vertex : surface.vertices) addVertex(mesh, vertex.p_m, vertex.normal);
+  for (const auto& [a, b, c] : surface.triangles) addTriangle(mesh, a, b, c);
+  return mesh;
+}
+
+/// Shortens the normals where the same surface is near: distances a few steps out along the normal, compared
+/// with the way there.
+void darkenHollows(Mesh& mesh, const Field& field, StructureMask mask) {
+  constexpr std::array<double, 3> kSteps_m = {2e-3, 6e-3, 14e-3};
+  for (MeshVertex& vertex : mesh.vertices) {
+    const Vec3 p_m{static_cast<double>(vertex.p_m[0]), static_cast<double>(vertex.p_m[1]),
+                   static_cast<double>(vertex.p_m[2])};
+    const Vec3 out{static_cast<double>(vertex.normal[0]), static_cast<double>(vertex.normal[1]),
+                   static_cast<double>(vertex.normal[2])};
+    const Field::InBall near = field.inBall(p_m, kSteps_m.back(), mask);
+    double open = 1;
+    for (const double step_m : kSteps_m) {
+      const double free = near.structuresDistance(mask, p_m + out * step_m) / step_m;
+      open -= 0.3 * (1 - std::clamp(free, 0.0, 1.0));
+    }
+    const auto length = static_cast<float>(std::clamp(open, 0.15, 1.0));
+    for (float& part : vertex.normal) part *= length;
+  }
+}
+
+double areaOf(const Field& field, StructureMask mask, const FieldBox& within) {
+  return areaOf(surfaceNet(field, mask, {.cell_m = kCoarse_m, .within = within}));
+}
+
+/// A structure that may have a surface of its own, and what that takes.
+struct Candidate {
+  StructureIndex structure = kOutside;
+  double cell_m = 0, grown_m = 0, triangles = 0;
+};
+
+/// Twice the volume over the area is a sheet's thickness, or a tube's radius; a cell is this share of it. A
+/// thinner one is thickened.
+Candidate candidateOf(const Field& field, StructureIndex structure, const FieldBox& within, double share,
+                      double thinnest_m) {
+  const SurfaceMesh coarse = surfaceNet(field, maskOf(structure), {.cell_m = kFirstCell_m, .within = within});
+  double sixfold_m3 = 0;
+  for (const auto& [a, b, c] : coarse.triangles)
+    sixfold_m3 += dot(coarse.vertices[a].p_m, cross(coarse.vertices[b].p_m, coarse.vertices[c].p_m));
+  const double area_m2 = areaOf(coarse);
+  const double thick_m = area_m2 > 0 ? std::fabs(sixfold_m3) / 3 / area_m2 : 0;
+  Candidate one;
+  one.structure = structure;
+  one.grown_m = std::clamp(0.5 * (thinnest_m - thick_m), 0.0, kMostGrown_m);
+  one.cell_m = std::clamp(share * (thick_m + 2 * one.grown_m), kMinCell_m, kMaxPartCell_m);
+  one.triangles = 3 * area_m2 / (one.cell_m * one.cell_m);
+  return one;
+}
+
+double cellOf(double area_m2, std::size_t triangles) {
+  return std::clamp(cellFor_m(area_m2, triangles), kMinCell_m, kMaxCell_m);
+}
+
+}  // namespace
+
+void frameBody(SceneView& view) {
+  view.focus_W_m = view.X_WL.p;
+  double depth_m = signedDepth(view.limb_W, view.focus_W_m);
+  if (std::fabs(depth_m) > kAtOrigin_m && !view.targets.empty()) {
+    view.focus_W_m = view.targets.front().center_W_m;
+    depth_m = signedDepth(view.limb_W, view.focus_W_m);
+  }
+  view.focus_normal_W = outwardAt(view, view.focus_W_m);
+  view.focus_W_m += view.focus_normal_W * depth_m;
+  double deepest_m = 0;
+  for (const TargetView& target : view.targets)
+    deepest_m = std::max(deepest_m, norm(target.center_W_m - view.focus_W_m));
+  const double body_m = std::clamp(0.9 * halfBreadth_m(view.body->field()), kLeastExtent_m, kWholeExtent_m);
+  view.extent_m = std::clamp(std::max({0.9 * view.needle.length_m, 1.5 * deepest_m, body_m}), 0.01, 0.5);
+}
+
+StructureShape shapeOf(const LayerView& structure) {
+  if (const NameWord* const word = wordOf(structure)) return word->shape;
+  switch (structure.tissue) {
+    case pb::Layer::BONE:
+      return StructureShape::kBone;
+    case pb::Layer::TENDON:
+    case pb::Layer::BURSA:
+      return StructureShape::kSolid;
+    default:
+      return StructureShape::kSoft;
+  }
+}
+
+Rgb structureColour(const LayerView& structure) {
+  if (const NameWord* const word = wordOf(structure)) return rgbOf(word->colour);
+  return structure.tissue == pb::Layer::OTHER ? kNameless : tissueColour(structure.tissue);
+}
+
+std::size_t BodyMeshes::triangles() const {
+  std::size_t indices = skin.triangles.size() + bones.triangles.size();
+  for (const Part& part : parts) indices += part.mesh.triangles.size();
+  return indices / 3;
+}
+
+double bodyReach_m(const SceneView& scene) {
+  return std::clamp(2.4 * scene.extent_m, 0.12, 0.3);
+}
+
+double bodyBall_m(const SceneView& scene) {
+  return bodyReach_m(scene) - kMaxCell_m;
+}
+
+BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget) {
+  const Field& field = scene.body->field();
+  const FieldBox within = boxNearFocus(scene);
+  BodyMeshes meshes;
+  const auto net = [&](StructureMask mask, double cell_m) {
+    return meshOf(surfaceNet(field, mask, {.cell_m = cell_m, .within = within}));
+  };
+  meshes.skin = net(kWholeBody, cellOf(areaOf(field, kWholeBody, within), budget.skin));
+  darkenHollows(meshes.skin, field, kWholeBody);
+
+  StructureMask bones = 0;
+  std::vector<Candidate> solids, lines;
+  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
+    const auto index = static_cast<StructureIndex>(i);
+    const StructureShape shape = shapeOf(scene.layers[i]);
+    if (shape == StructureShape::kBone) bones |= maskOf(index);
+    if (shape == StructureShape::kSolid)
+      solids.push_back(candidateOf(field, index, within, kSheetCells, kThinnest_m));
+    if (shape == StructureShape::kLine) lines.push_back(candidateOf(field, index, within, kTubeCells, 0));
+  }
+  if (bones != 0) {
+    meshes.bones = net(bones, cellOf(areaOf(field, bones, within), budget.bones));
+    darkenHollows(meshes.bones, field, bones);
+  }
+  const auto add = [&](const Candidate& one, double coarser) {
+    meshes.parts.push_back(
+        {one.structure,
+         meshOf(surfaceNet(field, maskOf(one.structure),
+                           {.cell_m = one.cell_m * coarser, .grown_m = one.grown_m, .within = within}))});
+  };
+  // bursae, which are often aimed at, then those with few triangles
+  std::sort(solids.begin(), solids.end(), [&](const Candidate& a, const Candidate& b) {
+    const auto rank = [&](const Candidate& one) {
+      return std::pair{scene.layers[one.structure].tissue != pb::Layer::BURSA, one.triangles};
+    };
+    return rank(a) < rank(b);
+  });
+  double left = static_cast<double>(budget.solids);
+  for (const Candidate& one : solids) {
+    if (one.triangles > left) continue;
+    left -= one.triangles;
+    add(one, 1);
+  }
+  double wanted = 0;
+  for (const Candidate& one : lines) wanted += one.triangles;
+  for (const Candidate& one : lines)
+    add(one, std::clamp(std::sqrt(wanted / static_cast<double>(budget.lines)), 1.0, 1.4));
+  return meshes;
+}
+
+PicturePlane bodyCutOf(const SceneView& scene, const OrbitCamera& camera, const Moment* inside,
+                       const PlanView* plan) {
+  Vec3 place_W_m = scene.focus_W_m, line_W = scene.focus_normal_W;
+  if (inside != nullptr && inside->inside) {
+    place_W_m = inside->p_entry_W_m;
+    line_W = -inside->u_W;
+  } else if (plan != nullptr) {
+    place_W_m = plan->entry_W_m;
+    line_W = normalized(plan->from_W_m - plan->to_W_m);
+  }
+  const Vec3 to_eye = camera.eye_W_m() - place_W_m;
+  Vec3 level = to_eye - line_W * dot(line_W, to_eye);
+  if (!(normSquared(level) > 1e-12)) level = camera.upward_W() * -1.0;
+  const Vec3 to_viewer_W = normalized(level);
+  return {place_W_m - to_viewer_W * (0.5 * drawnDiameter_m(scene)), to_viewer_W};
+}
+
+std::optional<Dimple> dimpleOf(const SceneView& scene, const Moment& moment) {
+  if (!moment.inside) return std::nullopt;
+  return Dimple{moment.p_entry_W_m, outwardAt(scene, moment.p_entry_W_m), 1.2e-3, 3.5e-3};
+}
+
+}  // namespace needlelab

@@ -1,0 +1,27 @@
+/// A field as the engine's body.
+#pragma once
+
+#include "common/anatomy/field.h"
+#include "common/haptics/body.h"
+
+namespace needlelab {
+
+/// Owns its field. Immutable; any number of threads may ask at once.
+class FieldBody final : public Body {
+ public:
+  explicit FieldBody(Field field);
+
+  [[nodiscard]] double depth(Vec3 p_m) const noexcept override;
+  [[nodiscard]] Vec3 normal(Vec3 p_m) const noexcept override;
+  [[nodiscard]] StructureIndex structureAt(Vec3 p_m) const noexcept override;
+  [[nodiscard]] LayerStack layersAlong(Vec3 from_m, Vec3 axis, double reach_m,
+                                       double min_layer_m) const noexcept override;
+  [[nodiscard]] BonesNear bonesNear(Vec3 p_m, double within_m) const noexcept override;
+
+  [[nodiscard]] const Field& field() const { return field_; }
+
+ private:
+  Field field_;
+};
+
+}  // namespace needlelab

@@ -1,0 +1,220 @@
+#include "common/anatomy/surface_nets.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+namespace needlelab {
+namespace {
+
+constexpr int kBlock = 8;  // cells along the edge of a block, which has its own list of parts
+constexpr int kLeaf = 2;   // cells along the edge of the smallest cube that a distance may skip
+/// A distance grows by at most this times the length (Field::InBall::structuresDistance).
+constexpr double kGreatestSlope = 1.118033988749895;
+constexpr double kRoot3 = 1.7320508075688772;
+constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
+/// A gradient is taken over this part of a cell.
+constexpr double kGradientShare = 0.02;
+/// A first step longer than this part of a cell has a second one.
+constexpr double kLongStep = 0.1;
+
+/// A cell's place in the grid, and that of its lowest corner.
+struct CellPlace {
+  int x = 0, y = 0, z = 0;
+};
+
+class Net {
+ public:
+  Net(const Field& field, StructureMask mask, const FieldBox& box, const NetOptions& options)
+      : field_(field), mask_(mask), grown_m_(options.grown_m), cell_m_(options.cell_m) {
+    const double cell_m = cell_m_;
+    const Vec3 size_m = box.high_m - box.low_m;
+    const double cells = (size_m.x / cell_m + 2) * (size_m.y / cell_m + 2) * (size_m.z / cell_m + 2);
+    if (cells > static_cast<double>(kMaxNetCells)) cell_m_ *= std::cbrt(cells / kMaxNetCells);
+    const auto count = [&](double length_m) { return static_cast<int>(std::ceil(length_m / cell_m_)) + 1; };
+    nx_ = count(size_m.x);
+    ny_ = count(size_m.y);
+    nz_ = count(size_m.z);
+    // off the box by half a cell all around: flat sides that lie on it are crossed
+    low_m_ = (box.low_m + box.high_m) * 0.5 - Vec3{nx_ * 0.5, ny_ * 0.5, nz_ * 0.5} * cell_m_;
+    const std::size_t corners = static_cast<std::size_t>(nx_ + 1) * static_cast<std::size_t>(ny_ + 1) *
+                                static_cast<std::size_t>(nz_ + 1);
+    values_.assign(corners, kUnknown);
+    vertex_of_.assign(corners, kNoVertex);
+  }
+
+  SurfaceMesh make() {
+    for (int x = 0; x < nx_; x += kBlock)
+      for (int y = 0; y < ny_; y += kBlock)
+        for (int z = 0; z < nz_; z += kBlock) block({x, y, z});
+    for (const CellPlace& cell : cells_) squares(cell);
+    return std::move(mesh_);
+  }
+
+ private:
+  [[nodiscard]] std::size_t indexOf(int x, int y, int z) const {
+    return (static_cast<std::size_t>(x) * static_cast<std::size_t>(ny_ + 1) + static_cast<std::size_t>(y)) *
+               static_cast<std::size_t>(nz_ + 1) +
+           static_cast<std::size_t>(z);
+  }
+  [[nodiscard]] Vec3 placeOf(double x, double y, double z) const { return low_m_ + Vec3{x, y, z} * cell_m_; }
+  [[nodiscard]] double distance(Vec3 p_m) const { return parts_.structuresDistance(mask_, p_m) - grown_m_; }
+
+  float valueAt(int x, int y, int z) {
+    float& value = values_[indexOf(x, y, z)];
+    if (std::isnan(value)) value = static_cast<float>(distance(placeOf(x, y, z)));
+    return value;
+  }
+
+  void block(CellPlace at) {
+    constexpr double kHalf = 0.5 * kBlock;
+    const Vec3 center_m = placeOf(at.x + kHalf, at.y + kHalf, at.z + kHalf);
+    // a vertex moves by up to half a cell, and looks a little further
+    parts_ = field_.inBall(center_m, (kHalf * kRoot3 + 1) * cell_m_ + grown_m_, mask_);
+    cube(at, kBlock);
+  }
+
+  void cube(CellPlace at, int size) {
+    if (at.x >= nx_ || at.y >= ny_ || at.z >= nz_) return;
+    const double half = 0.5 * size;
+    const double off_m = distance(placeOf(at.x + half, at.y + half, at.z + half));
+    if (std::fabs(off_m) > kGreatestSlope * kRoot3 * half * cell_m_) return;
+    const int step = size > kLeaf ? size / 2 : 1;
+    for (int x = at.x; x < at.x + size; x += step)
+      for (int y = at.y; y < at.y + size; y += step)
+        for (int z = at.z; z < at.z + size; z += step) {
+          if (size > kLeaf)
+            cube({x, y, z}, step);
+          else if (x < nx_ && y < ny_ && z < nz_)
+            cell({x, y, z});
+        }
+  }
+
+  void cell(CellPlace at) {
+    std::array<float, 8> corner{};
+    unsigned inside = 0;
+    for (unsigned i = 0; i < 8; ++i) {
+      corner[i] = valueAt(at.x + static_cast<int>(i & 1u), at.y + static_cast<int>(i >> 1 & 1u),
+                          at.z + static_cast<int>(i >> 2));
+      inside |= static_cast<unsigned>(corner[i] < 0) << i;
+    }
+    if (inside == 0 || inside == 0xFFu) return;
+    Vec3 sum;
+    int crossings = 0;
+    for (unsigned a = 0; a < 8; ++a) {
+      for (unsigned way = 1; way < 8; way <<= 1) {
+        const unsigned b = a | way;
+        if (a == b || (corner[a] < 0) == (corner[b] < 0)) continue;
+        const auto share = static_cast<double>(corner[a] / (corner[a] - corner[b]));
+        sum += Vec3{(a & 1u) + (way == 1u ? share : 0), (a >> 1 & 1u) + (way == 2u ? share : 0),
+                    (a >> 2) + (way == 4u ? share : 0)};
+        ++crossings;
+      }
+    }
+    const Vec3 mean = sum / crossings;
+    vertex_of_[indexOf(at.x, at.y, at.z)] = static_cast<std::uint32_t>(mesh_.vertices.size());
+    mesh_.vertices.push_back(onSurface(placeOf(at.x + mean.x, at.y + mean.y, at.z + mean.z)));
+    cells_.push_back(at);
+  }
+
+  /// Newton steps along the gradient: two where the first is long.
+  [[nodiscard]] SurfaceMesh::Vertex onSurface(Vec3 p_m) const {
+    Vec3 normal{0, 0, 1};
+    for (int step = 0; step < 2; ++step) {
+      const auto [slope, off_m] = slopeAt(p_m);
+      const double steepness = norm(slope);
+      if (!(steepness > 0)) break;
+      normal = slope / steepness;
+      if (steepness < 0.1) break;  // a ridge between two surfaces
+      const double step_m = std::clamp(off_m / steepness, -0.5 * cell_m_, 0.5 * cell_m_);
+      p_m = p_m - normal * step_m;
+      if (std::fabs(step_m) < kLongStep * cell_m_) break;
+    }
+    return {p_m, normal};
+  }
+
+  struct Slope {
+    Vec3 slope;
+    double value_m = 0;
+  };
+  /// From four distances, at a tetrahedron's corners.
+  [[nodiscard]] Slope slopeAt(Vec3 p_m) const {
+    static constexpr std::array<Vec3, 4> kCorners = {Vec3{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
+    const double reach_m = kGradientShare * cell_m_;
+    Slope made;
+    for (const Vec3 corner : kCorners) {
+      const double value_m = distance(p_m + corner * reach_m);
+      made.slope += corner * (0.25 * value_m / reach_m);
+      made.value_m += 0.25 * value_m;
+    }
+    return made;
+  }
+
+  /// The squares of the three edges that leave a cell's lowest corner upwards.
+  void squares(CellPlace at) {
+    const std::array<int, 3> place = {at.x, at.y, at.z};
+    const bool inside = valueAt(at.x, at.y, at.z) < 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
+      if (place[u] == 0 || place[v] == 0) continue;  // the mesh ends
+      std::array<int, 3> end = place;
+      ++end[axis];
+      if (inside == (values_[indexOf(end[0], end[1], end[2])] < 0)) continue;
+      std::array<std::uint32_t, 4> ring{};
+      for (std::size_t i = 0; i < 4; ++i) {  // round the axis
+        std::array<int, 3> one = place;
+        one[u] -= i == 1 || i == 2;
+        one[v] -= i >= 2;
+        ring[i] = vertex_of_[indexOf(one[0], one[1], one[2])];
+        assert(ring[i] != kNoVertex);  // each of the four has this edge
+      }
+      if (!inside) std::swap(ring[1], ring[3]);
+      const auto length = [&](std::size_t a, std::size_t b) {
+        return normSquared(mesh_.vertices[ring[a]].p_m - mesh_.vertices[ring[b]].p_m);
+      };
+      // along the shorter diagonal
+      const std::size_t from = length(0, 2) <= length(1, 3) ? 0 : 1;
+      mesh_.triangles.push_back({ring[from], ring[from + 1], ring[from + 2]});
+      mesh_.triangles.push_back({ring[from], ring[from + 2], ring[(from + 3) % 4]});
+    }
+  }
+
+  const Field& field_;
+  StructureMask mask_;
+  double grown_m_, cell_m_;
+  int nx_ = 0, ny_ = 0, nz_ = 0;  // cells
+  Vec3 low_m_;
+  std::vector<float> values_;             // at corners
+  std::vector<std::uint32_t> vertex_of_;  // of the cell whose lowest corner it is
+  std::vector<CellPlace> cells_;          // those with a vertex
+  Field::InBall parts_;                   // of the current block
+  SurfaceMesh mesh_;
+};
+
+}  // namespace
+
+SurfaceMesh surfaceNet(const Field& field, StructureMask mask, const NetOptions& options) {
+  assert(options.cell_m > 0);
+  FieldBox box = field.boxAround(mask);
+  const Vec3 grown_m{options.grown_m, options.grown_m, options.grown_m};
+  box = common({box.low_m - grown_m, box.high_m + grown_m}, options.within);
+  if (box.empty()) return {};
+  return Net(field, mask, box, options).make();
+}
+
+double areaOf(const SurfaceMesh& mesh) {
+  double twice_m2 = 0;
+  for (const SurfaceMesh::Triangle& triangle : mesh.triangles) {
+    const Vec3 a = mesh.vertices[triangle[0]].p_m;
+    twice_m2 += norm(cross(mesh.vertices[triangle[1]].p_m - a, mesh.vertices[triangle[2]].p_m - a));
+  }
+  return 0.5 * twice_m2;
+}
+
+double cellFor_m(double area_m2, std::size_t triangles) {
+  return std::sqrt(3 * area_m2 / static_cast<double>(std::max<std::size_t>(triangles, 1)));
+}
+
+}  // namespace needlelab

@@ -1,0 +1,378 @@
+#include "common/haptics/body/body_engine.h"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+#include "common/haptics/axial_entry.h"
+#include "common/haptics/body/bone_planes.h"
+#include "common/haptics/effects/puncture.h"
+#include "common/haptics/effects/trajectory.h"
+#include "common/haptics/surface.h"
+#include "common/haptics/tick.h"
+
+namespace needlelab {
+namespace {
+
+/// A path is asked for again when the tip has moved by this, outside also by this share of its height …
+constexpr double kMoved_m = 1e-4, kMovedShare = 0.02;
+/// … when the needle outside, or u, has turned by these sines, or P0 has moved.
+constexpr double kTurnedOutside = 5e-3, kTurned = 2e-4, kEntryMoved_m = 1e-5;
+/// Layers stay as they are down to this below the tip, and twice as far as the tip moves until the path is
+/// used.
+constexpr double kKeep_m = 0.5e-3;
+/// A place is expected no farther from the tip than this.
+constexpr double kMostAhead_m = 0.02;
+/// Layers that were met stay met on a path whose tops there differ by no more than this.
+constexpr double kSameTop_m = 0.3e-3;
+
+bool turned(Vec3 a, Vec3 b, double sine) {
+  return normSquared(a - b) > sine * sine;
+}
+
+/// How many layers two paths have in common, from the skin inwards.
+std::uint32_t commonLayers(const PathLayers& a, const PathLayers& b) {
+  std::uint32_t i = 0;
+  while (i < a.count && i < b.count && a.layers[i].structure == b.layers[i].structure &&
+         std::fabs(a.layers[i].top_m - b.layers[i].top_m) <= kSameTop_m)
+    ++i;
+  return i;
+}
+
+}  // namespace
+
+void PathsInPlace::ask(const PathAsk& ask) noexcept {
+  PathLayers path;
+  made_ = findPath(body_, ask, path) ? compilePath(body_, path) : nullptr;
+}
+bool PathsInPlace::take(PathStack*& made) noexcept {
+  made = made_.release();
+  return true;
+}
+void PathsInPlace::retire(PathStack* path) noexcept {
+  delete path;
+}
+
+struct SceneEngine::InBody {
+  const SceneModel& body;
+  std::optional<PathsInPlace> in_place;
+  PathMaker* paths;
+  PathStack* now = nullptr;
+  std::uint64_t tick = 0;  // of the engine: steps since the start
+  std::uint64_t next_mark = 0;
+  bool asked = false;
+  std::uint64_t due = 0;  // the tick that uses the path asked for
+  PathAsk ask;            // the last one
+  Vec3 asked_at_W_m;      // the tip when it was asked
+  // the tip 0 to 20 and 20 to 40 ticks ago
+  struct Mark {
+    Vec3 p_W_m;
+    std::uint64_t tick = 0;
+  } mark, mark_before;
+  // a reader's paths: the next one, and the insertion whose paths are given (0: none)
+  std::unique_ptr<PathStack> given;
+  std::uint64_t given_insertion = 0;
+  bool given_now = false;  // for the next tick, outside
+
+  InBody(const SceneModel& model, PathMaker* maker) : body(model), paths(maker) {
+    if (paths == nullptr) paths = &in_place.emplace(model);
+  }
+  ~InBody() {
+    if (PathStack* made = nullptr; asked && paths->take(made) && made != nullptr) paths->retire(made);
+    if (now != nullptr) paths->retire(now);
+  }
+  InBody(const InBody&) = delete;
+  InBody& operator=(const InBody&) = delete;
+
+  /// Uses a path from this tick on, or retires it. Returns whether it uses it.
+  bool use(PathStack* made, std::uint64_t insertion, SimState& state) noexcept;
+  /// Whether what the state knows has its place on a path.
+  [[nodiscard]] bool holds(const PathStack& next, const SimState& state) const noexcept;
+  void replace(PathStack* next, SimState& state) noexcept;
+  /// The path for this tick, if one is due or was given for it. True if it is used.
+  bool usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept;
+  void useOutside(PathStack& next, SimState& state) const noexcept;
+  void useInside(PathStack& next, SimState& state) const noexcept;
+  [[nodiscard]] bool wantsPath(const TipSample& sample, const SimState& state) const noexcept;
+  void askFor(const TipSample& sample, const SimState& state) noexcept;
+};
+
+// the skin is a new plane: both ticks of an entry are tested with it. Where the last tip would be in the
+// tissue, the plane gives way to it
+void SceneEngine::InBody::useOutside(PathStack& next, SimState& state) const noexcept {
+  SceneModel& model = next.model;
+  state.layer = 0;
+  if (!state.has_prev) return;
+  double depth_m = depthIn(model, state.p_prev_W_m);
+  if (depth_m > 0.0 && state.outside_once) {
+    model.plane_point_m = model.plane_point_m - model.plane_normal * depth_m;
+    model.limb = PlaneLimb{model.plane_point_m, model.plane_normal};
+    depth_m = 0.0;
+  }
+  state.depth_prev_m = depth_m;
+}
+
+// what lies behind the tip stays; what was met ahead of it stays met as far as it is the same tissue
+void SceneEngine::InBody::useInside(PathStack& next, SimState& state) const noexcept {
+  assert(now != nullptr && state.layer < next.model.layer_count);
+  SceneModel& model = next.model;
+  model.plane_point_m = now->model.plane_point_m;  // as it gave way
+  model.plane_normal = now->model.plane_normal;
+  model.limb = now->model.limb;
+  const std::uint32_t common = std::min(commonLayers(now->path, next.path), model.layer_count);
+  assert(common > 0);
+  const double last_top_m = model.layers[common - 1].top_m;
+  std::uint32_t membranes = 0;
+  while (membranes < model.membrane_count && model.membranes[membranes].top_m <= last_top_m) ++membranes;
+  if (state.membranes_met > membranes) {
+    state.membranes_met = membranes;
+    state.membranes_ruptured &= membranes == 32 ? ~0u : (1u << membranes) - 1u;
+  }
+  if (state.tops_met > common) {
+    state.tops_met = common;
+    if (state.proxy_layer >= common) {
+      state.proxy_layer = common - 1;
+      state.proxy_held = false;
+    }
+  }
+  // a reader's own path may have had a top a little deeper than the station's: it is met where the tip is
+  const double x_m = dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m);
+  const bool has_membranes =
+      model.isLive(Effect::kPuncture) || axialEntry(model.axial_model).topOf != nullptr;
+  for (; has_membranes && state.membranes_met < model.membrane_count &&
+         model.membranes[state.membranes_met].top_m <= state.depth_prev_m;
+       ++state.membranes_met)
+    state.membrane_place_m[state.membranes_met] = x_m;
+  const bool has_tops = state.tops_met > 0;  // of GOD_OBJECT
+  for (; has_tops && state.tops_met < model.layer_count &&
+         model.layers[state.tops_met].top_m <= state.depth_prev_m;
+       ++state.tops_met)
+    state.top_place_m[state.tops_met] = x_m - state.x_shift_m;
+  relayLayers(model, state);
+}
+
+bool SceneEngine::InBody::holds(const PathStack& next, const SimState& state) const noexcept {
+  if (!state.inside) return true;
+  return now != nullptr && state.layer < next.model.layer_count &&
+         commonLayers(now->path, next.path) > state.layer &&
+         !(state.bone.touching && next.path.bones.count == 0);
+}
+
+void SceneEngine::InBody::replace(PathStack* next, SimState& state) noexcept {
+  if (state.inside)
+    useInside(*next, state);
+  else
+    useOutside(*next, state);
+  if (now != nullptr) paths->retire(now);
+  now = next;
+}
+
+bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, SimState& state) noexcept {
+  if (made == nullptr) return false;
+  const bool fits = insertion == (state.inside ? state.insertions : 0) && holds(*made, state) &&
+                    (!state.inside || state.depth_prev_m < made->path.changes_from_m) &&
+                    !(state.inside && alike(made->path, now->path));
+  if (!fits) {
+    paths->retire(made);
+    return false;
+  }
+  replace(made, state);
+  return true;
+}
+
+// a stored tick decides which path begins in it. A reader that joined later asks for its own paths in other
+// ticks than the station; inside it uses these only as long as no path of the insertion was given
+bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept {
+  const bool told = stored != nullptr && (stored->flags & kFlagNewPath) != 0 && given != nullptr;
+  PathStack* made = nullptr;
+  if (asked && tick == due) {
+    const bool late = stored != nullptr && (stored->flags & kFlagKeptPath) != 0;
+    if (late || !paths->take(made)) {
+      flags = kFlagKeptPath;
+      due += kPathTicks;
+    } else {
+      asked = false;
+    }
+  }
+  const bool given_before = std::exchange(given_now, false);
+  const bool has_own = !told && !given_before &&
+                       !(stored != nullptr && state.inside && given_insertion == state.insertions &&
+                         (stored->flags & kFlagNewPath) == 0);
+  if (made != nullptr && has_own) return use(made, ask.insertion, state);
+  if (made != nullptr) paths->retire(made);
+  if (!told) return false;
+  if (!holds(*given, state)) {
+    given.reset();
+    return false;
+  }
+  replace(given.release(), state);
+  return true;
+}
+
+bool SceneEngine::InBody::wantsPath(const TipSample& sample, const SimState& state) const noexcept {
+  if (now == nullptr || ask.insertion != (state.inside ? state.insertions : 0)) return true;
+  const Vec3 moved = sample.p_WT_m - asked_at_W_m;
+  if (!state.inside) {
+    const double enough_m = std::max(kMoved_m, kMovedShare * std::fabs(state.depth_prev_m));
+    return normSquared(moved) > enough_m * enough_m || turned(unitAxis(sample), ask.axis_W, kTurnedOutside);
+  }
+  return normSquared(moved) > kMoved_m * kMoved_m || turned(state.u_W, ask.axis_W, kTurned) ||
+         normSquared(state.p_entry_W_m - ask.p_entry_W_m) > kEntryMoved_m * kEntryMoved_m;
+}
+
+void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state) noexcept {
+  const auto past = static_cast<double>(tick - mark_before.tick);
+  const Vec3 moved = past > 0 ? (sample.p_WT_m - mark_before.p_W_m) * (1.0 / past) : Vec3{};  // per tick
+  Vec3 ahead = moved * (1.5 * static_cast<double>(kPathTicks));
+  if (normSquared(ahead) > kMostAhead_m * kMostAhead_m) ahead = ahead * (kMostAhead_m / norm(ahead));
+  ask.tick = tick;
+  ask.insertion = state.inside ? state.insertions : 0;
+  ask.p_tip_W_m = state.bone.touching ? state.bone.p_proxy_W_m : sample.p_WT_m + ahead;
+  asked_at_W_m = sample.p_WT_m;
+  if (state.inside) {
+    ask.axis_W = state.u_W;
+    ask.p_entry_W_m = state.p_entry_W_m;
+    ask.slant = state.slant;
+    ask.depth_m = std::max(0.0, state.depth_prev_m);
+    ask.keep_m = ask.depth_m + kKeep_m + 2.0 * static_cast<double>(kPathTicks) * norm(moved);
+    ask.now = now->path;
+  } else {
+    ask.axis_W = unitAxis(sample);
+  }
+  asked = true;
+  due = tick + kPathTicks;
+  paths->ask(ask);
+}
+
+// ---- the engine ----
+
+SceneEngine::SceneEngine(const SceneModel& model, PathMaker* paths)
+    : model_(&model), body_(model.body_spec ? std::make_unique<InBody>(model, paths) : nullptr) {}
+SceneEngine::SceneEngine(SceneEngine&&) noexcept = default;
+SceneEngine& SceneEngine::operator=(SceneEngine&&) noexcept = default;
+SceneEngine::~SceneEngine() = default;
+
+const PathLayers* SceneEngine::path() const noexcept {
+  return body_ && body_->now != nullptr ? &body_->now->path : nullptr;
+}
+
+void SceneEngine::restart() {
+  state_ = {};
+  if (!body_) return;
+  const SceneModel& body = body_->body;
+  PathMaker* const paths = body_->in_place ? nullptr : body_->paths;
+  body_ = nullptr;  // it retires its paths first
+  body_ = std::make_unique<InBody>(body, paths);
+  model_ = &body;
+}
+
+bool SceneEngine::givePath(const PathLayers& path, bool enters) {
+  if (!body_ || path.count == 0) return false;
+  const std::size_t structures = body_->body.body_spec->layers.size();
+  for (std::uint32_t i = 0; i < path.count; ++i)
+    if (path.layers[i].structure >= structures && (path.layers[i].structure != kOutside || i == 0))
+      return false;
+  for (std::size_t i = 0; i < path.bones.count; ++i)
+    if (path.bones.planes[i].structure >= structures) return false;
+  body_->given = compilePath(body_->body, path);
+  if (!body_->given) return false;
+  if (enters) state_.inside = state_.in_limb = state_.bone.touching = false;
+  body_->given_insertion = state_.insertions + (state_.inside ? 0 : 1);
+  if (state_.inside) return true;
+  body_->replace(body_->given.release(), state_);
+  body_->given_now = true;
+  model_ = &body_->now->model;
+  return true;
+}
+
+PathLayers SceneEngine::pathInUse() const {
+  assert(path() != nullptr);
+  PathLayers path = *this->path();
+  path.point_W_m = model_->plane_point_m;
+  return path;
+}
+
+void SceneEngine::continueFrom(const SceneEngine& other) {
+  assert(!body_ == !other.body_);
+  if (!body_) {
+    state_ = other.state_;
+    return;
+  }
+  restart();
+  assert(&body_->body == &other.body_->body);
+  state_ = other.state_;
+  InBody& to = *body_;
+  const InBody& from = *other.body_;
+  if (from.now != nullptr) to.now = std::make_unique<PathStack>(*from.now).release();
+  if (from.given) to.given = std::make_unique<PathStack>(*from.given);
+  to.given_insertion = from.given_insertion;
+  to.given_now = from.given_now;
+  to.tick = from.tick;
+  to.asked = from.asked;
+  to.due = from.due;
+  to.ask = from.ask;
+  to.asked_at_W_m = from.asked_at_W_m;
+  to.next_mark = from.next_mark;
+  to.mark = from.mark;
+  to.mark_before = from.mark_before;
+  if (to.asked) to.paths->ask(to.ask);
+  model_ = to.now != nullptr ? &to.now->model : &to.body;
+}
+
+void SceneEngine::stepInBody(const TipSample& sample, const StoredTick* stored, StepReport& report,
+                             bool as_stored) noexcept {
+  InBody& body = *body_;
+  std::uint32_t flags = 0;
+  if (stored != nullptr || (body.asked && body.tick == body.due)) [[unlikely]] {
+    if (body.usePath(stored, flags, state_)) flags = kFlagNewPath;
+    if (body.now != nullptr) model_ = &body.now->model;
+  }
+  if (stored != nullptr && as_stored)
+    static_cast<void>(needlelab::stepAsStored(*model_, sample, *stored, state_, report));
+  else
+    needlelab::step(*model_, sample, state_, report);
+  if ((report.flags & kFlagNotStepped) != 0) [[unlikely]]
+    return;
+  report.flags |= flags;
+  if (report.layer >= 0) {
+    report.layer = body.now->reported[static_cast<std::size_t>(report.layer)];
+    if (report.layer == kTouchedBone) [[unlikely]]
+      report.layer = touchedPlane(*model_, state_).structure;
+  }
+  if (body.tick == body.next_mark) [[unlikely]] {
+    body.mark_before = body.tick == 0 ? InBody::Mark{sample.p_WT_m, 0} : body.mark;
+    body.mark = {sample.p_WT_m, body.tick};
+    body.next_mark += kPathTicks;
+  }
+  if (!body.asked && body.wantsPath(sample, state_)) [[unlikely]]
+    body.askFor(sample, state_);
+  ++body.tick;
+}
+
+void SceneEngine::stepOnPaths(const TipSample& sample, const StoredTick& stored, StepReport& report) {
+  if (!body_) return needlelab::step(*model_, sample, state_, report);
+  stepInBody(sample, &stored, report, false);
+}
+
+StoredDifference SceneEngine::stepAsStored(const TipSample& sample, const StoredTick& stored,
+                                           StepReport& report) {
+  if (!body_) return needlelab::stepAsStored(*model_, sample, stored, state_, report);
+  // the stored structure, as the layer of the path that is nearest to the tip
+  StoredTick on_path = stored;
+  if (const PathLayers* const path = this->path(); path != nullptr && stored.layer >= 0) {
+    std::int32_t nearest = static_cast<std::int32_t>(kMaxLayers);
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(path->count); ++i) {
+      if (path->layers[static_cast<std::size_t>(i)].structure != stored.layer) continue;
+      const auto here = static_cast<std::int32_t>(state_.layer);
+      if (nearest == static_cast<std::int32_t>(kMaxLayers) || std::abs(i - here) < std::abs(nearest - here))
+        nearest = i;
+    }
+    on_path.layer = nearest;
+  }
+  stepInBody(sample, &on_path, report);
+  return differenceFrom(stored, report);
+}
+
+}  // namespace needlelab

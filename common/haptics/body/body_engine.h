@@ -1,0 +1,102 @@
+/// The engine with its state, for every scene. In a body it steps on the path that another thread found for
+/// it (FORCE_MODEL.md, "A body"): a path asked for in tick k is used from tick k + 20 on, so a run, a station
+/// and a replay agree. In all other scenes it is `step`, and costs no more.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "common/haptics/body/path_stack.h"
+#include "common/haptics/effects/resume.h"
+#include "common/haptics/engine.h"
+
+namespace needlelab {
+
+/// From the tick that asks for a path to the one that uses it.
+inline constexpr std::uint64_t kPathTicks = 20;
+
+/// Makes paths for one engine, one at a time. The engine calls it in its ticks: no function may lock,
+/// allocate or throw, if the engine is to be real-time safe.
+class PathMaker {
+ public:
+  virtual ~PathMaker() = default;
+  /// Begins to make a path. The last one was taken.
+  virtual void ask(const PathAsk& ask) noexcept = 0;
+  /// Whether it is made; then `made` is it, or null if there is none. The engine owns it until it retires it.
+  virtual bool take(PathStack*& made) noexcept = 0;
+  /// The engine uses a path no more; it is not null.
+  virtual void retire(PathStack* path) noexcept = 0;
+};
+
+/// Makes a path while it is asked: for all that is not real-time.
+class PathsInPlace final : public PathMaker {
+ public:
+  explicit PathsInPlace(const SceneModel& body) : body_(body) {}
+  void ask(const PathAsk& ask) noexcept override;
+  bool take(PathStack*& made) noexcept override;
+  void retire(PathStack* path) noexcept override;
+
+ private:
+  const SceneModel& body_;
+  std::unique_ptr<PathStack> made_;
+};
+
+/// Thread: one at a time. Real-time safe if its PathMaker is; it allocates in its constructor only.
+class SceneEngine {
+ public:
+  /// `model` must outlive the engine. In a body, `paths` makes its paths and must outlive it, too; null: they
+  /// are made in place.
+  explicit SceneEngine(const SceneModel& model, PathMaker* paths = nullptr);
+  SceneEngine(SceneEngine&&) noexcept;
+  SceneEngine& operator=(SceneEngine&&) noexcept;
+  ~SceneEngine();
+
+  /// One tick. In a body, `report.layer` is a structure's index, as in a shell that of a layer of the
+  /// profile.
+  void step(const TipSample& sample, StepReport& report) noexcept {
+    if (body_ == nullptr) [[likely]]
+      return needlelab::step(*model_, sample, state_, report);
+    stepInBody(sample, nullptr, report);
+  }
+  /// As needlelab::stepAsStored. In a body a stored tick also says whether its path came too late. A path
+  /// that was given for it replaces the engine's own; during an insertion whose path was given, no other path
+  /// begins. Not for the haptic thread.
+  StoredDifference stepAsStored(const TipSample& sample, const StoredTick& stored, StepReport& report);
+
+  /// As `step`, but in a body the paths begin as in stepAsStored: forces of the engine itself on the
+  /// station's paths. Not for the haptic thread.
+  void stepOnPaths(const TipSample& sample, const StoredTick& stored, StepReport& report);
+
+  /// The scene of this tick: in a body, of the path in use; before there is one, the model of the body.
+  [[nodiscard]] const SceneModel& model() const noexcept { return *model_; }
+  [[nodiscard]] const SimState& state() const noexcept { return state_; }
+  [[nodiscard]] SimState& state() noexcept { return state_; }
+
+  /// A body's path in use; null before there is one, and in other scenes.
+  [[nodiscard]] const PathLayers* path() const noexcept;
+  /// The path in use with the skin as it gave way to the tip: given to another engine, it has the same bits
+  /// there. There is a path. Not for the haptic thread.
+  [[nodiscard]] PathLayers pathInUse() const;
+  /// Gives the path of a recording or a live frame, for the next tick that is stored as beginning one
+  /// (kFlagNewPath), or at once outside of the tissue. `enters`: the next tick is stored as an entry, so the
+  /// engine is outside, too: with its own path it may have entered a little earlier. False: it was ignored,
+  /// as it has other structures than the scene, or makes no scene. Not for the haptic thread.
+  bool givePath(const PathLayers& path, bool enters = false);
+
+  /// As before the first tick.
+  void restart();
+  /// As after the last tick of another engine of the same model. Not for the haptic thread.
+  void continueFrom(const SceneEngine& other);
+
+ private:
+  struct InBody;
+  void stepInBody(const TipSample& sample, const StoredTick* stored, StepReport& report,
+                  bool as_stored = true) noexcept;
+
+  const SceneModel* model_;
+  SimState state_{};
+  std::unique_ptr<InBody> body_;  // null in all other scenes
+};
+
+}  // namespace needlelab

@@ -1,0 +1,308 @@
+/// The contact of a tip with bone, for any surface of bone. BONE, a stage: a stiff contact with the outermost
+/// layer of bone, which no needle enters (FORCE_MODEL.md, "Bone"). The rendered needle (the proxy) stays on
+/// the bone's surface (Zilles and Salisbury 1995). A spring with the bone's stiffness joins it to the
+/// measured tip; it sticks or slips along the bone by Coulomb's cone (Harwin and Melder 2002). Meanwhile the
+/// tissue acts on the tip as if it had stayed where it met the bone, so that its springs do not add to the
+/// bone's.
+///
+/// No force steps: in a tick the stretch changes by little more than the tip's movement. If the proxy would
+/// move further, over an edge of the bone, it does so over the next ticks. Near the skin the spring shortens
+/// with the depth, so that it is gone when the tip comes out.
+///
+/// Energy: like the wall, the proxy moves only if that shortens the spring. The tissue's force along u acts
+/// on the hand over a distance h that the tissue does not feel; h begins and ends at 0, and while it is not 0
+/// this force only falls and never pulls in, so ∫ f dh ≤ 0.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/effects/puncture.h"
+
+namespace needlelab::bone_contact {
+
+inline constexpr std::size_t kBoneOwn = stageOf(Effect::kBone);
+/// Maximum steps for testing a tick's path; a cut through a round bone's edge shorter than a step may be
+/// missed.
+inline constexpr int kMaxSteps = 64;
+/// On a curved bone the cone turns under the proxy as it slips; at most this many slips per tick follow it.
+inline constexpr int kMaxSlips = 8;
+/// The tissue feels the tip at no less than a tenth of its depth, so that it stays in the tissue.
+inline constexpr double kMaxHeld = 0.9;
+/// A place closer than this to the bone's surface is on it.
+inline constexpr double kOnSurface_m = 1e-9;
+/// How much faster than the tip the proxy may fall over an edge of the bone: 4 mm in 0.2 s.
+inline constexpr double kFallSpeed_mps = 0.020;
+inline constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+
+/// What a proxy on several bones lies on: one of them, or an edge between two.
+struct Rest {
+  Vec3 normal;           ///< of the bone that the tip presses most
+  bool on_edge = false;  ///< the tip also presses another one …
+  Vec3 edge;             ///< … and the proxy slips only along this unit vector
+};
+
+// A surface of bone is a type with
+//   static double depth(model, p_W_m);            positive in the bone; changes by no more than p moves
+//   static Vec3 normal(model, p_W_m, motion);     out of the bone, at the nearest place on the surface
+//   static bool meets(model, from, to, at&);      whether the tip's way meets the bone, and where
+//   static constexpr bool kIsConvex               if not, also:
+//   static Rest rest(model, proxy, to_tip);
+//   static Vec3 clipped(model, proxy, step);      the part of a step up to another bone
+
+// the nearest place on the bone's surface
+template <class Surface>
+Vec3 ontoBone(const SceneModel& model, Vec3 p_W_m, Vec3 normal_W) {
+  return p_W_m + normal_W * Surface::depth(model, p_W_m);
+}
+
+// moves a place outside the bone onto its surface; one inside it (contact ended near the skin) stays
+template <class Surface>
+Vec3 outOfBone(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
+  if (Surface::depth(model, p_W_m) > kOnSurface_m) return p_W_m;
+  return ontoBone<Surface>(model, p_W_m, Surface::normal(model, p_W_m, motion));
+}
+
+// √(1 + μ²): at the edge of the friction cone, the ratio of the spring's length to its pressed depth
+inline double coneLength(const SceneModel& model) {
+  const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  return std::sqrt(1.0 + friction * friction);
+}
+
+// √(2 + μ²): the greatest change of the stretch over the tip's movement, along a flat bone
+inline double steepestStretch(double friction) {
+  return std::sqrt(2.0 + friction * friction);
+}
+
+// how far the stretch may change in a tick. Along a flat bone, and where the skin shortens it, the tip's
+// movement never changes it by more than the first term. A proxy that falls over an edge spreads its movement
+// over the next ticks
+inline double mostChange(const SceneModel& model, double way_m) {
+  const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  return steepestStretch(friction) * way_m + kFallSpeed_mps * model.period_s;
+}
+
+// the greatest share, at most 1, of `move` with |change + share·move| <= max_m
+inline double shareWithin(Vec3 change, Vec3 move, double max_m) {
+  assert(!(max_m < 0.0));
+  const double room = std::max(0.0, max_m * max_m - normSquared(change));
+  const double along = dot(change, move), size = normSquared(move);
+  if (!(size + 2.0 * along > room)) return 1.0;
+  return std::clamp((std::sqrt(along * along + size * room) - along) / size, 0.0, 1.0);
+}
+
+// Near the skin, and past the middle of a round bone, limits the spring's length so that its force ends where
+// the tip leaves the limb. On a bone parallel to a flat skin, the limit is never reached
+inline void bindToSkin(const SceneModel& model, Vec3 tip_W_m, double depth_m, double max_change_m,
+                       BoneContact& bone) {
+  const double max_m = coneLength(model) * depth_m;
+  const Vec3 stretch = bone.p_proxy_W_m - tip_W_m;
+  const double stretch_m = norm(stretch);
+  if (!(stretch_m > max_m)) return;
+  const Vec3 move = stretch * (max_m / stretch_m - 1.0);
+  const double share = shareWithin(stretch - bone.stretch_W_m, move, max_change_m);
+  bone.p_proxy_W_m = bone.p_proxy_W_m + move * share;
+}
+
+// moves a proxy that followed the tip outside the bone back onto the surface, in the same way as a slip
+template <class Surface>
+void backOntoBone(const SceneModel& model, Vec3 tip_W_m, double max_m, BoneContact& bone) {
+  const Vec3 proxy_W_m = bone.p_proxy_W_m, stretch = proxy_W_m - tip_W_m;
+  if (!(Surface::depth(model, proxy_W_m) < -kOnSurface_m)) return;
+  const Vec3 move =
+      ontoBone<Surface>(model, proxy_W_m, Surface::normal(model, proxy_W_m, stretch)) - proxy_W_m;
+  if (!(normSquared(stretch + move) < normSquared(stretch))) return;
+  bone.p_proxy_W_m = proxy_W_m + move * shareWithin(stretch - bone.stretch_W_m, move, max_m);
+}
+
+// Moves the proxy along the bone toward the tip until friction holds it or the stretch has changed by max_m.
+// Returns false when the tip has left the bone and the proxy has reached it. A surface is convex where the
+// proxy is: if the tip is beyond the tangent plane there, there is no bone in between.
+template <class Surface>
+bool followTip(const SceneModel& model, Vec3 tip_W_m, double max_m, BoneContact& bone) {
+  const double friction = model.stage_numbers[kBoneOwn][kBoneFriction];
+  Vec3& proxy_W_m = bone.p_proxy_W_m;
+  backOntoBone<Surface>(model, tip_W_m, max_m, bone);
+  for (int slip = 0; slip <= kMaxSlips; ++slip) {
+    const Vec3 to_tip = tip_W_m - proxy_W_m;
+    const Vec3 change = -to_tip - bone.stretch_W_m;
+    Rest rest;
+    if constexpr (Surface::kIsConvex)
+      rest.normal = Surface::normal(model, proxy_W_m, to_tip);
+    else
+      rest = Surface::rest(model, proxy_W_m, to_tip);
+    double pressed_m = -dot(rest.normal, to_tip);
+    if (!(pressed_m > 0.0)) {
+      const double share = shareWithin(change, to_tip, max_m);
+      Vec3 step = to_tip * share;
+      if constexpr (!Surface::kIsConvex) step = Surface::clipped(model, proxy_W_m, step);
+      proxy_W_m = proxy_W_m + step;
+      return share < 1.0 || (!Surface::kIsConvex && !(step == to_tip));
+    }
+    Vec3 along = to_tip + rest.normal * pressed_m;
+    if (!Surface::kIsConvex && rest.on_edge) {
+      along = rest.edge * dot(rest.edge, to_tip);
+      pressed_m = norm(to_tip - along);
+    }
+    const double along_m = norm(along), sticks_m = friction * pressed_m;
+    if (along_m <= sticks_m || slip == kMaxSlips) return true;
+    const Vec3 move = along * (1.0 - sticks_m / along_m);
+    // on a curved bone a long slip could lengthen the spring: then try a shorter one
+    const double max_share = shareWithin(change, move, max_m);
+    const bool outside = Surface::depth(model, proxy_W_m) < -kOnSurface_m;
+    bool moved = false, cut = max_share < 1.0;
+    for (double share = max_share; !moved && share > 0.05 * max_share; share *= 0.5) {
+      Vec3 step = outOfBone<Surface>(model, proxy_W_m + move * share, to_tip) - proxy_W_m;
+      if constexpr (!Surface::kIsConvex) step = Surface::clipped(model, proxy_W_m, step);
+      if (outside) {
+        const double step_share = shareWithin(change, step, max_m);
+        step = step * step_share;
+        cut = cut || step_share < 1.0;
+      }
+      moved = normSquared(to_tip - step) < normSquared(to_tip);
+      if (moved) proxy_W_m = proxy_W_m + step;
+    }
+    if (!moved || cut) return true;
+  }
+  return true;
+}
+
+// removes the limits on the force with which the tissue holds the needle
+inline void forgetTissue(BoneContact& bone) {
+  bone.cutting_N = bone.friction_N = bone.place_m = kNoLimit;
+}
+
+// where the needle first rests on the bone: on its surface. If the tip is already in the bone, its last
+// contact ended near the skin, and the bone holds it from there
+template <class Surface>
+Vec3 firstProxy(const SceneModel& model, Vec3 from_W_m, Vec3 at_W_m, Vec3 way) {
+  if (Surface::depth(model, from_W_m) > kOnSurface_m) return from_W_m;
+  return ontoBone<Surface>(model, at_W_m, Surface::normal(model, at_W_m, way));
+}
+
+// updates the contact for this tick's tip, which is `depth_m` under the skin. `from_W_m`: the last tip; used
+// when it did not touch the bone
+template <class Surface>
+void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double depth_m, BoneContact& bone) {
+  if (bone.touching) {
+    const Vec3 before_W_m = bone.p_proxy_W_m - bone.stretch_W_m;
+    const double max_change_m = mostChange(model, norm(tip_W_m - before_W_m));
+    bindToSkin(model, tip_W_m, depth_m, max_change_m, bone);
+    bone.touching = followTip<Surface>(model, tip_W_m, max_change_m, bone);
+  } else {
+    Vec3 at_W_m;
+    if (!Surface::meets(model, from_W_m, tip_W_m, at_W_m)) return;
+    bone.p_proxy_W_m = firstProxy<Surface>(model, from_W_m, at_W_m, tip_W_m - from_W_m);
+    forgetTissue(bone);
+    bone.touching = followTip<Surface>(model, tip_W_m, mostChange(model, norm(tip_W_m - from_W_m)), bone);
+  }
+  if (bone.touching)
+    bone.stretch_W_m = bone.p_proxy_W_m - tip_W_m;
+  else
+    bone = {};
+}
+
+// The tissue feels the tip no deeper along u than the proxy, unless a wall whose force pulls in is ahead of
+// the proxy: the tip must pass it first. The tip stays in the tissue.
+template <class Surface>
+TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& state) noexcept {
+  assert(model.isLive(Effect::kBone) && model.bone_layer > 0 && model.bone_layer < model.layer_count);
+  TipSample felt = sample;
+  if (!isFinite(sample)) return felt;
+  const double depth_m = depthIn(model, sample.p_WT_m);
+  BoneContact& bone = state.bone;
+  if (!state.inside || !(depth_m > 0.0)) {
+    bone = {};
+    return felt;
+  }
+  updateContact<Surface>(model, state.p_prev_W_m, sample.p_WT_m, depth_m, bone);
+  if (!bone.touching) return felt;
+  const double tip_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
+  const double proxy_m = dot(state.u_W, bone.p_proxy_W_m - state.p_entry_W_m);
+  const double felt_m = std::max({proxy_m, state.wall_m, state.friction_wall_m});
+  bone.held_m = std::clamp(tip_m - felt_m, 0.0, kMaxHeld * depth_m);
+  assert(!(bone.held_m > depth_m) && "the felt tip stays in the tissue");
+  felt.p_WT_m = sample.p_WT_m - state.u_W * bone.held_m;
+  return felt;
+}
+
+// limits the force of the wall at `wall_m` to `max_N` by moving the wall; returns the change along u
+inline double limitWall(double stiffness_N_per_m, double x_cut_m, double& max_N, double& wall_m,
+                        double& force_N) {
+  assert(stiffness_N_per_m > 0.0 && max_N >= 0.0);
+  const double before_N = force_N;
+  if (-force_N > max_N) {
+    force_N = -max_N;
+    wall_m = x_cut_m - max_N / stiffness_N_per_m;
+  }
+  max_N = std::max(0.0, -force_N);
+  return force_N - before_N;
+}
+
+// keeps intact membranes from stretching further than in the last tick: they move along, together with the
+// walls that they hold back; returns the change of the force along u
+inline double limitMembranes(const SceneModel& model, double x_m, SimState& state, StepReport& report) {
+  const double gone_m = x_m - state.x_shift_m - state.bone.place_m;
+  state.bone.place_m = x_m - state.x_shift_m;
+  if (!(gone_m > 0.0)) return 0.0;
+  const double x_cut_before_m = cuttingPosition(state, x_m);
+  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
+    double& membrane_m = state.membrane_place_m[static_cast<std::size_t>(std::countr_zero(left))];
+    membrane_m += std::clamp(x_m - membrane_m, 0.0, gone_m);
+  }
+  const double follow_m = cuttingPosition(state, x_m) - x_cut_before_m;
+  state.wall_m += follow_m;
+  state.friction_wall_m += follow_m;
+  const double before_N = report.puncture_N;
+  report.puncture_N = membranesForce(model, state, x_m);
+  return report.puncture_N - before_N;
+}
+
+// lets the tissue's force on a needle that rests on bone only fall; returns the change of the force along u
+inline double limitTissue(const SceneModel& model, const TipSample& felt, SimState& state,
+                          StepReport& report) {
+  BoneContact& bone = state.bone;
+  if (!(bone.held_m > 0.0)) {
+    forgetTissue(bone);
+    return 0.0;
+  }
+  const double x_m = dot(state.u_W, felt.p_WT_m - state.p_entry_W_m);
+  double along_N = 0.0;
+  if (model.isLive(Effect::kPuncture)) along_N += limitMembranes(model, x_m, state, report);
+  const double x_cut_m = cuttingPosition(state, x_m);
+  if (model.cut_reach != nullptr && model.isLive(Effect::kCutting))
+    along_N += limitWall(model.layers[state.layer].wall_stiffness_N_per_m, x_cut_m, bone.cutting_N,
+                         state.wall_m, report.cutting_N);
+  // "no wall" stays "no wall"
+  if (!std::isnan(report.p_wall_W_m.x)) report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
+  if (model.isLive(Effect::kShaftFriction))
+    along_N += limitWall(model.friction_stiffness_N_per_m, x_cut_m, bone.friction_N, state.friction_wall_m,
+                         report.friction_N);
+  return along_N;
+}
+
+template <class Surface>
+Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) noexcept {
+  assert(state.inside);
+  BoneContact& bone = state.bone;
+  // an insertion has no u before its first tick, so the tissue feels this tip where it is
+  if ((report.flags & kFlagEntry) != 0)
+    updateContact<Surface>(model, state.p_entry_W_m, felt.p_WT_m, report.depth_m, bone);
+  // the needle is either on the bone or in the tissue, even if its depth says otherwise
+  const auto layer = static_cast<std::int32_t>(model.bone_layer);
+  report.layer = bone.touching ? layer : std::min(report.layer, layer - 1);
+  if (!bone.touching) return {};
+  const double tissue_N = limitTissue(model, felt, state, report);
+  const Vec3 force_W_N = bone.stretch_W_m * model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m];
+  report.stage_N[kBoneOwn] = norm(force_W_N);
+  return force_W_N + state.u_W * tissue_N;
+}
+
+}  // namespace needlelab::bone_contact

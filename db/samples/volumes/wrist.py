@@ -1,0 +1,249 @@
+"""The left wrist, palm up, for an injection into the carpal tunnel beside the median nerve.
+
+Frame: x towards the fingers, y towards the thumb, z out of the palm's side; the needle enters at the origin and goes
+towards the fingers, at 45° to the skin.
+"""
+import math
+from types import SimpleNamespace
+
+from field import Volume
+from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
+
+BUILDS = ("slender", "median", "heavy")
+PARAMETERS = [
+    ("skin", (1.4, 1.6, 1.8), "set by hand"),
+    ("fat", (1.2, 2, 4), "set by hand"),
+    ("retinaculum", (1.5, 1.8, 2), "set by hand"),
+    ("depth", (9.3, 10.4, 11.5), "tunnel 10.4 ± 1.1 mm deep: Mani 2011"),
+    ("width", (20, 22, 24), "tunnel 25 mm wide at its beginning, 20 mm at the hook of the hamate: Hand Clin 2002;18:219"),
+    ("arch", (23.8, 25.7, 27.6), "carpal arch 25.7 ± 1.9 mm wide: Clin Biomech 2013, PMC3669224"),
+    ("nerve_thickness", (1.7, 1.76, 1.8), "median nerve 7.5 mm² in the tunnel, 2.55 times as wide as thick: Mani 2011"),
+    ("nerve_width", (4.4, 4.76, 4.9), "the same"),
+    ("beside", (2.6, 3.1, 3.4), "needle to nerve 4.8 ± 4.0 mm in 15 arms: J Hand Surg 2009, PubMed 19410990"),
+    ("tendon", (1.45, 1.6, 1.75), "radius of a flexor tendon: set by hand"),
+    ("thick", (35, 40, 46), "wrist, palm to back: set by hand"),
+    ("across", (52, 58, 64), "wrist, side to side: set by hand"),
+]
+ROOT = math.sqrt(2)
+
+LAYERS = {
+    "skin": layer("SKIN", 0.4, 0.2, 0.05, 7000, 15, (200, 20000, 0.22)),
+    "fat": layer("FAT", 0.25, 0.15, 0.05, 2500, 10),
+    "retinaculum": layer("TENDON", 0.9, 0.3, 0.05, 14000, 45, (250, 5000, 0.4)),
+    "tunnel": layer("OTHER", 0.35, 0.15, 0.05, 1500, 5),
+    "tendon": layer("TENDON", 1.2, 0.3, 0.05, 14000, 40),
+    "muscle": layer("MUSCLE", 0.6, 0.3, 0.05, 7000, 20),
+    "ligament": layer("TENDON", 1.2, 0.3, 0.05, 14000, 40),
+}
+NAMES = {"skin": "skin", "fat": "subcutaneous fat", "retinaculum": "transverse carpal ligament", "tunnel": "carpal tunnel",
+         "tendon": "flexor tendons", "muscle": "muscles of forearm and hand", "ligament": "carpal ligaments"}
+FORCES = {"slender": (0.8, 1), "median": (1, 1.05), "heavy": (1.1, 1.1)}  # of cutting, of friction
+
+
+def roof(p):
+    return -(p.skin + p.fat + p.retinaculum)
+
+
+def expected(p):
+    """The layers along the needle, by formula: everything above the tunnel is level there."""
+    return [("skin", 0), ("fat", p.skin * ROOT), ("retinaculum", (p.skin + p.fat) * ROOT), ("tunnel", -roof(p) * ROOT)]
+
+
+def goal(p):
+    return -roof(p) + 1.15
+
+
+def nerve_at(p):
+    """Middle of the median nerve in the tunnel: (y, z)."""
+    return p.beside + 0.5 * p.nerve_width, roof(p) - 0.5 * p.nerve_thickness - 0.35
+
+
+def targets(p):
+    return [("carpal tunnel", "tunnel", (goal(p), 0, -goal(p)), 0.9)]
+
+
+def artery(p):
+    """The ulnar artery beside the pisiform: (y, z)."""
+    return -0.35 * p.arch, -(p.skin + 1.75)
+
+
+def hazards(p):
+    y, z = nerve_at(p)
+    ya, za = artery(p)
+    return [("median nerve", "NERVE", "nerve", (-6, y, z - 0.6), (32, y, z), 0.5 * p.nerve_width - 0.4),
+            ("ulnar artery", "VESSEL", "artery", (0, ya - 0.6, za - 0.7), (24, ya + 1, za - 0.4), 1.2),
+            ("flexor tendons", "OTHER", "tendon", (-5, -2.3, roof(p) - 2.5 - p.tendon), (30, -2.3, roof(p) - 2.5 - p.tendon), p.tendon)]
+
+
+def wrong_paths(p):
+    y, z = nerve_at(p)
+    return [("straight down, too deep", (1, 0, roof(p) - p.depth - 4), "carpals"),
+            ("towards the thumb", (goal(p), y, z), "nerve")]
+
+
+def measures(p):
+    """words, structures, a point, a direction, mm inside (or, with two lists, from the one to the other), tolerance."""
+    y, z = nerve_at(p)
+    inside = ["tunnel", "tendon", "nerve"]
+    return [("tunnel, depth", inside, (14, 0, roof(p) - 3), (0, 0, 1), p.depth, 0.05),
+            ("tunnel, width", inside, (14, 0, roof(p) - 0.45 * p.depth), (0, 1, 0), p.width, 2),
+            ("nerve, width", ["nerve"], (14, y, z), (0, 1, 0), p.nerve_width, 0.05),
+            ("nerve, thickness", ["nerve"], (14, y, z), (0, 0, 1), p.nerve_thickness, 0.05),
+            ("ligament", ["retinaculum"], (14, 0, roof(p) + 0.5 * p.retinaculum), (0, 0, 1), p.retinaculum, 0.01),
+            ("hook to trapezium", (["carpals"], ["carpals"]), (20.5 * p.arch / 25.7, 0, roof(p) - 0.42 * p.depth), (0, 1, 0),
+             0.8 * p.arch, 2)]
+
+
+def bones(v, p):
+    s, floor = p.arch / 25.7, roof(p) - p.depth
+
+    def at(x, y, down):
+        """`down`: behind the tunnel's floor in its middle."""
+        return (x * s, y * s, floor - down * s)
+    tip = roof(p) - 0.42 * p.depth      # of hook and tubercles: where the ligament is held
+    # forearm
+    v.capsule("radius", (-78, 9 * s, floor - 6), at(-26, 9, 7), 6.3 * s, 7.5 * s)
+    for a, b, r in ((at(-26, 9, 7), at(-13.5, 14.5, 6), 8), (at(-26, 9, 7), at(-13.5, 5, 7.5), 7.6)):
+        v.capsule("radius", a, b, 7 * s, r * s, blend=6 * s)
+    v.capsule("radius", at(-14, 17, 6.5), at(-6.5, 19, 6), 6 * s, 3.5 * s, blend=5 * s)      # styloid
+    v.capsule("ulna", (-78, -12 * s, floor - 9), at(-22, -11.5, 9), 5.6 * s, 5.6 * s)
+    v.capsule("ulna", at(-22, -11.5, 9), at(-14.5, -11.5, 9), 5.6 * s, 7 * s, blend=3 * s)
+    v.capsule("ulna", at(-14.5, -15, 12), at(-8, -15.5, 12), 3 * s, 2 * s, blend=2 * s)
+    # eight carpal bones, each apart from its neighbours by a millimetre
+    def bone(center, radii, x_axis=(1, 0, 0), y_axis=(0, 1, 0), blend=0):
+        v.ellipsoid("carpals", at(*center), tuple(r * s for r in radii), x_axis=x_axis, y_axis=y_axis, blend=blend)
+    bone((1.5, 0.3, 7.5), (7.6, 6.9, 8))                                                      # lunate
+    bone((2, 12.2, 6), (10, 5.4, 7.2), x_axis=(0.8, 0.35, 0.5))                              # scaphoid
+    v.capsule("carpals", at(6, 12.5, 2), (10.5 * s, 13.4 * s, tip), 4.2 * s, 3.2 * s, blend=4 * s)   # its tubercle
+    bone((3.8, -11.4, 8), (7, 5.9, 7), x_axis=(0.9, -0.35, 0))                            # triquetrum
+    v.capsule("carpals", (5 * s, -13.8 * s, tip - 1), (8.5 * s, -13.6 * s, tip - 0.5), 4.6 * s, 4.3 * s)  # pisiform
+    v.capsule("carpals", at(12, 1, 7.6), at(24.5, 0.4, 7.8), 6.1 * s, 6.9 * s)                # capitate
+    bone((19, -10.8, 7.6), (9, 6, 7.8), x_axis=(0.95, -0.25, 0))                              # hamate
+    v.capsule("carpals", at(21, -11.8, 3), (21.5 * s, -12 * s, tip), 3.6 * s, 2.7 * s, blend=3 * s)  # its hook
+    bone((21, 10.3, 7), (5.6, 4.6, 6.6))                                                      # trapezoid
+    bone((19.5, 15.2, 1), (6.6, 5, 7), x_axis=(0.9, 0.3, 0.1))                                # trapezium
+    v.capsule("carpals", at(19, 14.4, -2), (19.5 * s, 13.8 * s, tip), 3.6 * s, 2.6 * s, blend=3 * s)   # its tubercle
+    for x, y, end_x, end_y, down, r in ((27.5, 20, 58, 39, -7, 5.4), (31.5, 10.5, 74, 16, 7, 5.2), (33, 1.5, 74, 4, 7.6, 5.2),
+                                        (32.5, -6.8, 73, -8, 7.4, 4.6), (31.5, -14.2, 70, -19, 5.5, 4.4)):
+        start, end = at(x + 1, y, 0.55 * down if y > 19 else down), at(end_x, end_y, down)
+        middle = tuple(0.5 * (a + b) for a, b in zip(start, end))
+        v.tube("metacarpals", [(*start, r * s), (*middle, 3.9 * s), (*end, 5 * s)])
+
+
+def tendons(v, p):
+    s, top, r = p.arch / 25.7, roof(p), p.tendon
+    deep = p.depth - 2 * r - 0.4
+    # in the tunnel: y, below its roof; where each goes in the palm: y at x = 80
+    superficial = ((2.3, 2.5 + r, 5, 0.95), (-2.3, 2.5 + r, -7, 0.95), (6.2, 3.7 + r, 17, 0.85), (-6.1, 2.9 + r, -19, 0.75))
+    profundus = ((4.9, deep - 0.2 + r, 18, 1), (1.3, deep - 0.6 + r, 6, 1), (-2.3, deep - 0.4 + r, -7, 1), (-5.8, deep - 0.9 + r, -20, 0.9))
+    for flexors, sink in ((superficial, 0.5), (profundus, 3)):
+        for y, down, palm, k in flexors:
+            z = top - down
+            v.tube("tendons", [(-78, 1.35 * y * s, z - sink - 1, 2 * k * r), (-16, 1.08 * y * s, z - 0.6, k * r),
+                               (30 * s, y * s, z, k * r), (82, palm * s, top - p.depth + 3, k * r)])
+    v.tube("tendons", [(-78, 13 * s, top - 8, 1.8 * r), (-16, 9.4 * s, top - 7, r), (24 * s, 8.1 * s, top - 5.8, r),
+                       (66, 37 * s, top - 2, 0.9 * r)])                                       # flexor pollicis longus
+    y, z = nerve_at(p)
+    thin = 0.5 * p.nerve_thickness
+    for k in (0, -1, 1):
+        spread = k * (0.5 * p.nerve_width - thin)
+        v.tube("nerve", [(-78, y + 0.5 * spread, z - 5, 1.5 * thin), (-22, y + 0.7 * spread, z - 2.4, 1.2 * thin),
+                         (-6, y + spread, z - 0.3, thin), (33 * s, y + spread, z, thin), (60, y + 4 * spread, z - 3, 0.8 * thin)])
+    # superficial to the ligament: palmaris longus; flexors of the wrist
+    flat = 0.36 * p.fat
+    for dy in (-0.9, 0, 0.9):
+        v.tube("palmaris", [(-78, 3 + dy, -(p.skin + p.fat + 1.6), 1.2 * flat + 0.3), (-20, 3.7 + dy, -(p.skin + 0.6 * p.fat), flat),
+                            (20, 3.9 + 1.6 * dy, -(p.skin + 0.6 * p.fat), 0.8 * flat),
+                            (44, 4 + 5 * dy, -(p.skin + 0.75 * p.fat), 0.6 * flat)])
+    v.tube("wrist-flexors", [(-78, 13 * s, top - 3, 3.4 * s), (-12, 12.2 * s, top - 2.3, 2 * s), (4, 13.5 * s, top - 3.4, 1.9 * s),
+                             (24 * s, 12.5 * s, top - 9.5, 1.7 * s)])
+    v.tube("wrist-flexors", [(-78, -16 * s, top - 4, 4 * s), (-16, -14.2 * s, top - 3, 2.3 * s), (4, -13 * s, top - 3.6, 2.2 * s)])
+    back = -p.thick + p.skin + p.fat + 1.7
+    for y, x in ((15, 30), (9, 40), (3, 70), (-2, 75), (-7, 75), (-14, 70)):
+        v.tube("extensors", [(-78, 0.9 * y * s, back + 1.5, 1.7), (0, 0.85 * y * s, back, 1.3), (x, 1.25 * y * s, back + 3, 1.1)])
+
+
+def vessels(v, p):
+    s, top = p.arch / 25.7, roof(p)
+    y, z = artery(p)
+    v.tube("artery", [(-78, -12.5 * s, top - 5, 1.5), (-16, y - 2, z - 3.4, 1.3), (0, y - 0.6, z - 0.7, 1.2), (10, y, z, 1.2),
+                      (24, y + 1, z - 0.4, 1.1), (40, y + 5, z - 3.6, 1), (47, 3, z - 4.2, 0.8)])
+    v.tube("ulnar-nerve", [(-78, -15.5 * s, top - 6, 1.5), (-16, y - 4.6, z - 4, 1.3), (0, y - 2.9, z - 2.1, 1.25),
+                           (10, y - 2.5, z - 1.5, 1.2), (24, y - 1.7, z - 1.7, 1.1), (44, y - 7, z - 5, 0.8)])
+    v.tube("radial-artery", [(-78, 15 * s, top - 4, 1.5), (-14, 16.8 * s, top - 2.6, 1.3), (-2, 20.5 * s, top - 9, 1.2),
+                             (14, 19.5 * s, top - 20, 1.1)])
+
+
+def around(v, p):
+    s, top, r = p.arch / 25.7, roof(p), 0.5 * p.depth
+    half = 0.5 * p.thick
+    flat = 0.5 * p.across - half
+    rows = (0, -0.5 * flat, 0.5 * flat, -flat, flat)
+    for y in rows:  # close beside each other: level above the tunnel
+        v.capsule("skin", (-20, y, -half), (24, y, -half), half)
+    for y in rows:
+        v.capsule("skin", (-80, 1.2 * y, -half - 1), (-20, y, -half), half + 1, half, blend=1)
+        v.capsule("skin", (24, y, -half), (72, 2.2 * y, -half + 1), half, 0.76 * half, blend=2)
+    for y, x in ((0.36, 40), (-0.3, 42)):                                                     # thenar, hypothenar
+        v.ellipsoid("skin", (x, y * p.across, -0.42 * half), (24, 0.2 * p.across, 0.52 * half), blend=8)
+        v.ellipsoid("thenar", (x, 0.94 * y * p.across, -0.42 * half - 1), (23, 0.19 * p.across, 0.5 * half))
+    floor = top - p.depth
+    v.capsule("skin", (26, 17 * s, floor - 1), (64, 43 * s, floor + 6), 0.66 * half, 0.58 * half, blend=8)   # thumb
+    across = 0.5 * p.width - r
+    for y in (0, -0.5 * across, 0.5 * across, -across, across):
+        v.capsule("tunnel", (-20, y, top - r), (36 * s, y, top - r), r)
+    v.half_space("palmar", (0, 0, top - 0.62 * p.depth), (0, 0, 1))
+    v.half_space("levels", (0, 0, 0), (1, 0, 0))
+
+
+def volume(p):
+    v = Volume("skin", "muscle")
+    around(v, p)
+    bones(v, p)
+    tendons(v, p)
+    vessels(v, p)
+    share = FORCES[p.build]
+    for id, made in LAYERS.items():
+        v.structure(id, NAMES[id], softened(made, share))
+    for id, name in (("palmaris", "palmaris longus tendon"), ("wrist-flexors", "flexor carpi tendons"), ("extensors", "extensor tendons")):
+        v.structure(id, name, softened(LAYERS["tendon"], share))
+    v.structure("thenar", "thenar and hypothenar muscles", softened(LAYERS["muscle"], share))
+    v.structure("wrist-fat", "fat around the wrist", softened(LAYERS["fat"], share))
+    v.structure("cartilage", "cartilage of the wrist", softened(CARTILAGE, share))
+    v.structure("nerve", "median nerve", NERVE)
+    v.structure("ulnar-nerve", "ulnar nerve", NERVE)
+    v.structure("artery", "ulnar artery", VESSEL)
+    v.structure("radial-artery", "radial artery", VESSEL)
+    for bone, name in (("radius", "radius"), ("ulna", "ulna"), ("carpals", "carpal bones"), ("metacarpals", "metacarpal bones")):
+        v.structure(bone, name, BONE)
+        v.rule(bone, bone, None, 0)
+    for thin in ("nerve", "ulnar-nerve", "artery", "radial-artery"):
+        v.rule(thin, thin, None, 0)
+    v.rule("tendon", "tendons", None, 0)
+    for thin in ("wrist-flexors", "palmaris", "extensors"):
+        v.rule(thin, thin, None, 0)
+    v.rule("cartilage", "carpals", 0, 1.4, ("radius", None, 5), ("tunnel", 1, None))
+    v.rule("cartilage", "carpals", 0, 1.4, ("metacarpals", None, 3), ("tunnel", 1, None))
+    v.rule("tunnel", "tunnel", None, 0)
+    v.rule("skin", "skin", -p.skin, None)
+    v.rule("retinaculum", "tunnel", 0, p.retinaculum, ("palmar", 0, None), ("levels", 0, 29 * p.arch / 25.7))
+    v.rule("ligament", "tunnel", 0, 2, ("levels", -14, 33), ("palmar", None, 0))
+    v.rule("ligament", "carpals", 0, 2.4, ("tunnel", 0, None), ("palmar", None, 0))
+    v.rule("fat", "skin", -p.skin - p.fat, None)
+    v.rule("thenar", "thenar", None, 0)
+    v.rule("wrist-fat", "levels", -14, 30)
+    return v
+
+
+REGION = SimpleNamespace(
+    id="wrist", name="Wrist", title="carpal tunnel beside the median nerve", builds=BUILDS, parameters=PARAMETERS,
+    volume=volume, expected=expected, targets=targets, hazards=hazards, wrong_paths=wrong_paths, measures=measures,
+    needle={"slender": (0.025, 25), "median": (0.025, 25), "heavy": (0.025, 25)}, tip=("HYPODERMIC", 0.3),
+    fixture={"slender": 0.6, "median": 0.7, "heavy": 0.8}, cut_memory=False,
+    directions={"plus_x": "towards the fingers", "minus_x": "towards the elbow", "plus_y": "towards the thumb",
+                "minus_y": "towards the little finger", "plus_z": "out of the palm", "minus_z": "to the back of the hand"},
+    description="Left wrist, palm up: from the wrist's crease towards the fingers, at 45° to the skin, on the little finger's side of the "
+                "median nerve. x to the fingers, y to the thumb, z out of the palm's side.",
+    forces="Bone 4 N: enhanced-tracking-wall paper; the other forces lie below its 1 N for skin, because the needle is thin (25G): set by "
+           "hand; times {share} in this build.",
+    share=FORCES)

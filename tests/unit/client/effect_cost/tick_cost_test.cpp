@@ -1,0 +1,110 @@
+#include "client/effect_cost/tick_cost.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <set>
+
+#include "tests/support/scenes/scenes.h"
+
+namespace needlelab::test {
+namespace {
+
+// What a gesture does in a scene.
+struct Seen {
+  std::set<int> layers;
+  std::set<Phase> phases;
+  std::uint32_t flags = 0;
+  std::size_t outside = 0;
+  double deepest_m = 0;
+};
+
+Seen seenBy(const SceneSpec& scene, double rate_hz, const std::vector<TipSample>& gesture) {
+  const SceneModel model = *compile(scene, rate_hz);
+  const auto state = std::make_unique<SimState>();
+  Seen seen;
+  StepReport report;
+  for (const TipSample& sample : gesture) {
+    step(model, sample, *state, report);
+    seen.layers.insert(report.layer);
+    seen.phases.insert(report.phase);
+    seen.flags |= report.flags;
+    if (report.phase == Phase::kFree) ++seen.outside;
+    seen.deepest_m = std::max(seen.deepest_m, report.insertion_m);
+  }
+  return seen;
+}
+
+TEST(MeasuringGesture, visitsAllLayersAndPhasesAlmostEntirelyInTissue) {
+  for (const LimbKind kind : kLimbKinds)
+    for (const double rate_hz : {250.0, 1000.0, 8000.0}) {
+      const SceneSpec scene = withLimb(allEffects(), kind);
+      const Seen seen = seenBy(scene, rate_hz, measuringGesture(scene, rate_hz));
+      EXPECT_EQ(seen.outside, 1u) << limbName(kind) << " " << rate_hz;
+      // a capsule of 45 mm ends inside the sixth layer, after its top but before its full 10 mm
+      for (int layer = 0; layer < 6; ++layer)
+        EXPECT_TRUE(seen.layers.contains(layer)) << limbName(kind) << layer;
+      EXPECT_EQ(seen.phases.size(), 4u) << limbName(kind) << " " << rate_hz;
+      EXPECT_TRUE(seen.flags & kFlagRupture);
+      EXPECT_FALSE(seen.flags &
+                   (kFlagTurn | kFlagTorque | kFlagNotStepped | kFlagStartedInside | kFlagBeyondNeedle))
+          << limbName(kind) << " " << seen.flags;
+    }
+}
+
+TEST(MeasuringGesture, staysWithinAShortNeedleAndASmallLimb) {
+  SceneSpec scene = allEffects();
+  scene.needle_length_m = 0.02;
+  EXPECT_LE(seenBy(scene, 1000, measuringGesture(scene, 1000)).deepest_m, 0.0181);
+  scene.limb = SphereLimb{{0, 0, 0}, 0.01};
+  const Seen seen = seenBy(scene, 1000, measuringGesture(scene, 1000));
+  EXPECT_GT(seen.deepest_m, 0.006);
+  EXPECT_LE(seen.deepest_m, 0.0085);
+}
+
+TEST(TickRun, repeatsTheGesture) {
+  const SceneModel model = *compile(allEffects(), 250);
+  const auto gesture = measuringGesture(allEffects(), 250);
+  TickRun run(model, gesture);
+  const auto state = std::make_unique<SimState>();
+  StepReport expected;
+  double deepest_m = 0;
+  for (int round = 0; round < 3; ++round)
+    for (const TipSample& sample : gesture) {
+      step(model, sample, *state, expected);
+      run.tick();
+      ASSERT_EQ(run.report().insertion_m, expected.insertion_m) << "round " << round;
+      ASSERT_EQ(run.report().phase, expected.phase);
+      deepest_m = std::max(deepest_m, run.report().insertion_m);
+    }
+  EXPECT_GT(deepest_m, 0.01) << "the gesture goes somewhere";
+}
+
+TEST(Calibration, namesTheLiveEffectsOnlyEachWithItsCost) {
+  SceneSpec scene = paperSixLayers();
+  scene.effects |= bitOf(Effect::kShaftFriction);  // listed, but no layer has friction: not live
+  const auto costs = calibrateEffects(scene, 1000);
+  ASSERT_TRUE(costs.ok()) << costs.error().message;
+  ASSERT_EQ(costs->effects.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(costs->effects[i].effect, static_cast<Effect>(i));
+  EXPECT_GT(costs->tick_ns, 0);
+  for (const EffectCost& cost : costs->effects) EXPECT_TRUE(std::isfinite(cost.ns));
+}
+
+TEST(Calibration, aSceneWithoutEffectsHasATickButNoCosts) {
+  const auto costs = calibrateEffects(withEffects(paperSixLayers(), 0), 1000);
+  ASSERT_TRUE(costs.ok()) << costs.error().message;
+  EXPECT_TRUE(costs->effects.empty());
+  EXPECT_GT(costs->tick_ns, 0);
+}
+
+TEST(Calibration, aSceneThatIsNoSceneIsRefused) {
+  SceneSpec scene = paperSixLayers();
+  scene.layers.clear();
+  EXPECT_FALSE(calibrateEffects(scene, 1000).ok());
+}
+
+}  // namespace
+}  // namespace needlelab::test
