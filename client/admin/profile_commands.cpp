@@ -9,7 +9,7 @@
 #include "common/base/files/files.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
+#include "common/profile/warnings.h"
 #include "common/scoring/targets/reachable.h"
 
 namespace needlelab {

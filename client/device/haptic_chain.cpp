@@ -50,7 +50,11 @@ Quat AssumedAxis::at(const SceneModel& model, const SimState& before, Vec3 p_WT_
 
 HapticChain::HapticChain(const SceneModel& model, const DeviceLimits& limits, const Pose& X_HT,
                          PathMaker* paths)
-    : engine_(model, paths), X_HT_(X_HT), gate_(limits, model.rate_hz), plunger_({}, model.rate_hz) {
+    : limb_(model.limb),
+      engine_(model, paths),
+      X_HT_(X_HT),
+      gate_(limits, model.rate_hz),
+      plunger_({}, model.rate_hz) {
   assert(model.step_function != nullptr && "compile() made the model");
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   report_.p_wall_W_m = {nan, nan, nan};
@@ -102,12 +106,11 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   // a restart after a FAULT begins outside, and the engine forgets the earlier insertion: a needle that is
   // through the limb would pull at once
   const bool in_fault = gate_.fault() != Fault::kNone;
-  if (in_fault && fresh && isFinite(X_WT.p))
-    gate_.noteOutside(signedDepth(engine_.model().limb, X_WT.p) <= 0);
+  if (in_fault && fresh && isFinite(X_WT.p)) gate_.noteOutside(signedDepth(limb_, X_WT.p) <= 0);
   const bool admitted =
       gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition);
   assert(admitted || !in_fault || gate_.fault() != Fault::kNone);
-  if (in_fault && gate_.fault() == Fault::kNone) engine_.state().inside = engine_.state().in_limb = false;
+  if (in_fault && gate_.fault() == Fault::kNone) engine_.leaveTissue();
   if (admitted)
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
   else

@@ -91,6 +91,7 @@ class HapticChain {
   [[nodiscard]] Wrench stepped(const Pose& X_WH, const Pose& X_WT, double share) noexcept;
   void skipped(const Pose& X_WH, const Pose& X_WT) noexcept;
 
+  const Limb& limb_;  // the scene's; in a body the engine's model has a path's plane
   SceneEngine engine_;
   Pose X_HT_;
   bool has_orientation_ = true, renders_torque_ = true;

@@ -9,10 +9,8 @@ namespace needlelab {
 namespace {
 
 constexpr double kFar_m = 1e3;  // no part of the group is near
-/// A capsule whose radius changes by kMaxSlope per length has distances that are too great by this: √(1 +
-/// ½²). Ellipsoids' are too small, outside and inside, as k0 is convex; a smooth minimum is not steeper than
-/// its parts.
-constexpr double kSteepest = 1.118033988749895;
+// Ellipsoids' distances are too small, outside and inside, as k0 is convex; a smooth minimum is not steeper
+// than its parts.
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double smoothMinimum(double a, double b, double blend_m) noexcept {
@@ -205,7 +203,7 @@ void Field::join(const Part& part, Vec3 p_m, Distances& distances) noexcept {
 
 FieldPoint Field::judge(const Distances& distances) const noexcept {
   const double skin_m = distances[skin_];
-  if (skin_m >= 0) return {kOutside, skin_m / kSteepest};
+  if (skin_m >= 0) return {kOutside, skin_m / kMostSteep};
   double clearance_m = -skin_m;
   for (const Rule& rule : rules_) {
     // A rule that fails is as far away as its farthest failing range; one that holds lasts to its nearest
@@ -219,9 +217,9 @@ FieldPoint Field::judge(const Distances& distances) const noexcept {
       outside_m = std::max({outside_m, range.from_m - value_m, value_m - range.to_m});
     }
     clearance_m = std::min(clearance_m, std::fabs(outside_m));
-    if (holds) return {rule.structure, clearance_m / kSteepest};
+    if (holds) return {rule.structure, clearance_m / kMostSteep};
   }
-  return {rest_, clearance_m / kSteepest};
+  return {rest_, clearance_m / kMostSteep};
 }
 
 void Field::distancesAt(Vec3 p_m, Distances& distances) const noexcept {

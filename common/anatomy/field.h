@@ -15,6 +15,10 @@
 
 namespace needlelab {
 
+/// A field's distance changes by at most this per length: √(1 + ½²), of a capsule whose radius changes by
+/// kMaxSlope per length; all other distances by 1 (field.cpp).
+inline constexpr double kMostSteep = 1.118033988749895;
+
 /// A set of structures.
 using StructureMask = std::uint32_t;
 static_assert(kMaxFieldStructures <= 32);
@@ -92,7 +96,8 @@ class Field {
   /// The field along a line; `axis` is a unit vector. The same bits as `at` at the same points.
   [[nodiscard]] OnLine onLine(Vec3 origin_m, Vec3 axis) const noexcept;
 
-  /// The field in a ball. The same bits as `at` and `structuresDistance` at the same points.
+  /// The field in a ball. The same structure as `at`, and the same `structuresDistance`
+  /// near the surface; a clearance may be too large.
   [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m) const noexcept;
   /// The same with fewer parts, for structuresDistance of this mask only.
   [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept;

@@ -11,8 +11,6 @@
 namespace needlelab {
 namespace {
 
-/// A field's distance changes by at most this per length (field.cpp).
-constexpr double kMostSteep = 1.118033988749895;
 constexpr double kTolerance_m = 1e-4, kToleranceShare = 0.05;
 constexpr int kMostCells = 8000;
 /// Where nothing bounds the search: this far from the origin, or around what is bounded.

@@ -10,8 +10,6 @@ namespace {
 
 constexpr int kBlock = 8;  // cells along the edge of a block, which has its own list of parts
 constexpr int kLeaf = 2;   // cells along the edge of the smallest cube that a distance may skip
-/// A distance grows by at most this times the length (Field::InBall::structuresDistance).
-constexpr double kGreatestSlope = 1.118033988749895;
 constexpr double kRoot3 = 1.7320508075688772;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
@@ -80,7 +78,7 @@ class Net {
     if (at.x >= nx_ || at.y >= ny_ || at.z >= nz_) return;
     const double half = 0.5 * size;
     const double off_m = distance(placeOf(at.x + half, at.y + half, at.z + half));
-    if (std::fabs(off_m) > kGreatestSlope * kRoot3 * half * cell_m_) return;
+    if (std::fabs(off_m) > kMostSteep * kRoot3 * half * cell_m_) return;
     const int step = size > kLeaf ? size / 2 : 1;
     for (int x = at.x; x < at.x + size; x += step)
       for (int y = at.y; y < at.y + size; y += step)

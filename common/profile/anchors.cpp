@@ -22,16 +22,12 @@ namespace {
 constexpr double kSamePlace_m = 1e-12;
 constexpr Vec3 kIntoTheBody{0, 0, -1};
 
-Vec3 placeOf(const pb::Vector3& v) {
-  return {v.x(), v.y(), v.z()};
-}
-
 Vec3 middleOf(const pb::Target& target) {
-  return placeOf(target.center_m());
+  return vectorOf(target.center_m());
 }
 Vec3 middleOf(const pb::Hazard& hazard) {
-  return hazard.has_center_m() ? placeOf(hazard.center_m())
-                               : 0.5 * (placeOf(hazard.a_m()) + placeOf(hazard.b_m()));
+  return hazard.has_center_m() ? vectorOf(hazard.center_m())
+                               : 0.5 * (vectorOf(hazard.a_m()) + vectorOf(hazard.b_m()));
 }
 
 template <typename Regions>

@@ -18,14 +18,10 @@ namespace {
 /// Two points closer than this do not define a direction; same limit as for segments of hazards.
 constexpr double kMinLength_m = 1e-6;
 
-Vec3 pointOf(const pb::Vector3& v) {
-  return {v.x(), v.y(), v.z()};
-}
-
 /// A vector from the entry along the line, of any length.
 Vec3 alongOf(const pb::Exercise::Plan& plan) {
-  return plan.has_direction() ? pointOf(plan.direction())
-                              : pointOf(plan.target_m()) - pointOf(plan.entry_m());
+  return plan.has_direction() ? vectorOf(plan.direction())
+                              : vectorOf(plan.target_m()) - vectorOf(plan.entry_m());
 }
 
 /// The length of `alongOf`; 0 if it is too short to have a direction.
@@ -45,7 +41,7 @@ std::string millimetres(Vec3 p_m) {
 std::optional<PlannedLine> plannedLineOf(const pb::Exercise& exercise, const Pose& X_AL) {
   if (!exercise.has_plan()) return std::nullopt;
   const pb::Exercise::Plan& plan = exercise.plan();
-  const Vec3 entry_m = pointOf(plan.entry_m()), along = alongOf(plan);
+  const Vec3 entry_m = vectorOf(plan.entry_m()), along = alongOf(plan);
   const double length = lengthOf(plan);
   if (!isFinite(entry_m) || !std::isfinite(length) || length == 0) return std::nullopt;
   const Pose X{X_AL.p, normalized(X_AL.q)};
@@ -128,7 +124,7 @@ Status checkPlan(const pb::Exercise& exercise, const pb::Profile& profile, const
                            slope_rad < 0 ? "comes out of the tissue" : "goes in",
                            degreesOf(std::abs(slope_rad)), profile.id(), degreesOf(kMinPlanSlope_rad)));
   const double needle_m = (exercise.has_needle() ? exercise.needle() : profile.needle()).length_m();
-  if (const double way_m = norm(pointOf(exercise.plan().target_m()) - line->entry_m);
+  if (const double way_m = norm(vectorOf(exercise.plan().target_m()) - line->entry_m);
       has_target && way_m > needle_m)
     return fieldError(where, fmt::format("is {:.3g} mm from the entry, and the needle is {:.3g} mm long",
                                          1e3 * way_m, 1e3 * needle_m));

@@ -4,8 +4,8 @@
 
 #include "common/haptics/scene_model.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/warnings.h"
 #include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {

@@ -276,8 +276,9 @@ LayerStack AnatomyMethod::stackOf(const Field& field, const AnatomyPath& path, d
 }
 
 AnatomySection anatomySection(const Field& field, const pb::Profile& profile, char normal) {
-  Box all = placesToAimAt(field, profile).front();
-  for (const Box& box : placesToAimAt(field, profile)) {
+  const std::vector<Box> places = placesToAimAt(field, profile);
+  Box all = places.front();
+  for (const Box& box : places) {
     widen(all, box.low);
     widen(all, box.high);
   }

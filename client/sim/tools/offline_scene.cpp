@@ -17,8 +17,8 @@
 #include "common/haptics/scene_spec.h"
 #include "common/haptics/surface.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/warnings.h"
 
 namespace needlelab {
 namespace {

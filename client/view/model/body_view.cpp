@@ -138,14 +138,10 @@ double cellOf(double area_m2, std::size_t triangles) {
 }  // namespace
 
 void frameBody(SceneView& view) {
-  view.focus_W_m = view.X_WL.p;
-  double depth_m = signedDepth(view.limb_W, view.focus_W_m);
-  if (std::fabs(depth_m) > kAtOrigin_m && !view.targets.empty()) {
-    view.focus_W_m = view.targets.front().center_W_m;
-    depth_m = signedDepth(view.limb_W, view.focus_W_m);
-  }
+  const bool is_entry = std::fabs(signedDepth(view.limb_W, view.X_WL.p)) <= kAtOrigin_m;
+  const Vec3 over_W_m = is_entry || view.targets.empty() ? view.X_WL.p : view.targets.front().center_W_m;
+  view.focus_W_m = nearestSkin(view.limb_W, over_W_m, -zAxis(view.X_WL.q));
   view.focus_normal_W = outwardAt(view, view.focus_W_m);
-  view.focus_W_m += view.focus_normal_W * depth_m;
   double deepest_m = 0;
   for (const TargetView& target : view.targets)
     deepest_m = std::max(deepest_m, norm(target.center_W_m - view.focus_W_m));

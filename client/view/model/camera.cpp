@@ -147,7 +147,7 @@ OrbitCamera initialView(const SceneView& scene) {
   camera.distance_m = std::clamp(3.6 * scene.extent_m, kNearest_m, kFarthest_m);
   if (scene.body) {  // farther, with the hand and a recognisable part of the body
     camera.focus_W_m = scene.focus_W_m + scene.focus_normal_W * (0.08 * scene.extent_m);
-    camera.elevation_rad = 20 * std::numbers::pi / 180;
+    camera.elevation_rad = radOf(20);
     camera.distance_m = std::clamp(5.0 * scene.extent_m, kNearest_m, kFarthest_m);
   }
   return camera;

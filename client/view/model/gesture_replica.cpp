@@ -186,10 +186,7 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
   forgetCuts();
   if (!recorded_inside) {
     // The engine started in a different state, e.g. inside the tissue: no force until the tip was outside.
-    if (model->body_spec)
-      engine.restart();
-    else
-      engine.state() = {};
+    engine.restart();
   } else if (!guessed) {
     guessed = true;
     guessed_u_W = normalized(zAxis(now.q_WT));
@@ -228,9 +225,6 @@ std::uint64_t GestureReplica::fed() const {
 }
 const SceneModel& GestureReplica::model() const {
   return *state_->model;
-}
-const PathLayers* GestureReplica::path() const {
-  return state_->engine.path();
 }
 
 std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span<const GestureSample> samples,

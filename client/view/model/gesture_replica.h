@@ -102,8 +102,6 @@ class GestureReplica {
   [[nodiscard]] std::uint64_t fed() const;
   /// The scene's model; in a body, not that of a path.
   [[nodiscard]] const SceneModel& model() const;
-  /// The path in use; null outside of a body.
-  [[nodiscard]] const PathLayers* path() const;
 
  private:
   struct State;

@@ -14,7 +14,7 @@ namespace needlelab {
 
 struct MeshVertex {
   float p_m[3] = {};
-  float normal[3] = {};  ///< unit
+  float normal[3] = {};  ///< unit; of a body shorter in hollows, which are darker
 };
 
 struct Mesh {

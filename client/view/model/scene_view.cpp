@@ -14,6 +14,7 @@
 #include "common/profile/layer_names.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/scoring/anatomy/anatomy.h"
+#include "common/scoring/anatomy/structure_region.h"
 
 namespace needlelab {
 namespace {
@@ -217,6 +218,13 @@ double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m)
                     skin_W_m);
 }
 
+const HazardView* hazardAt(const SceneView& scene, Vec3 p_W_m) {
+  const auto found = std::ranges::find_if(scene.hazards, [&](const HazardView& hazard) {
+    return hazard.structure && hazard.structure->distance(p_W_m) < 0;
+  });
+  return found == scene.hazards.end() ? nullptr : &*found;
+}
+
 double offPlane_m(const HazardView& hazard, const PicturePlane& plane) {
   const double a_m = dot(hazard.a_W_m - plane.place_W_m, plane.to_viewer_W),
                b_m = dot(hazard.b_W_m - plane.place_W_m, plane.to_viewer_W);
@@ -277,7 +285,7 @@ std::string_view aidWord(pb::Exercise::Aid aid) {
     case pb::Exercise::ANATOMY:
       return "target and hazards";
     case pb::Exercise::GUIDES:
-      return "insertion line and cone";
+      return "insertion line and wall";
     case pb::Exercise::ARROWS:
       return "force arrows";
     case pb::Exercise::ALIGNMENT:

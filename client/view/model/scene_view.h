@@ -96,6 +96,8 @@ double drawnDiameter_m(const SceneView& scene);
 /// Returns the distance between a hazard's (or target's) surface and the straight shaft from tip to `skin`;
 /// negative inside.
 double distanceToHazard_m(const HazardView& hazard, Vec3 tip_W_m, Vec3 skin_W_m);
+/// Returns the hazard that is a structure and holds this point of W; null if there is none.
+const HazardView* hazardAt(const SceneView& scene, Vec3 p_W_m);
 
 /// Returns how far a drawn line continues into the tissue from `entry_W_m` along the unit vector
 /// `direction_W`: the needle's length, but at least slightly beyond the foot of the farthest target on the

@@ -25,12 +25,12 @@ struct SceneFrame {
   bool show_needle = true;
   AidSet aids = usualAidSet();
   OrbitCamera camera;
-  std::optional<Moment> second;       ///< another gesture as an overlay: a needle in kSecondGesture
-  std::vector<TipTrail> trails;       ///< lines over the picture (sceneWidget only)
-  std::optional<PlanView> plan_W;     ///< the exercise's plan, with the aid PLANNED_LINE (sceneWidget only)
-  bool cut_open = true;               ///< with the aid TISSUES: removes the half facing the eye
-  bool show_cone = false;             ///< with the aid GUIDES: the cone of angles
-  bool show_hand = true;              ///< at the syringe over a body, for scale
+  std::optional<Moment> second;    ///< another gesture as an overlay: a needle in kSecondGesture
+  std::vector<TipTrail> trails;    ///< lines over the picture (sceneWidget only)
+  std::optional<PlanView> plan_W;  ///< the exercise's plan, with the aid PLANNED_LINE; a body is cut along it
+  bool cut_open = true;            ///< with the aid TISSUES: removes the half facing the eye
+  bool show_cone = false;          ///< with the aid GUIDES: the cone of angles
+  bool show_hand = true;           ///< at the syringe over a body, for scale
   double arrow_extents_per_N = 0.22;  ///< length of force arrows, in scene extents
 };
 

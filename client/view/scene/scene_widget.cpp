@@ -195,13 +195,13 @@ void drawTrails(ImDrawList& list, const PictureFrame& picture, const SceneFrame&
   }
 }
 
-// whether a target or a hazard has this name
-bool isMarked(const SceneView& scene, const std::string& name) {
-  const auto has = [&](const auto& marked) { return marked.name == name; };
-  return std::ranges::any_of(scene.targets, has) || std::ranges::any_of(scene.hazards, has);
+// whether a target has this name
+bool isTarget(const SceneView& scene, const std::string& name) {
+  return std::ranges::any_of(scene.targets, [&](const TargetView& target) { return target.name == name; });
 }
 
-// In a body, of bones, tendons, nerves and vessels: the layers beside the needle stand beside the picture.
+// In a body, of bones, tendons, nerves, vessels and hazards: the layers beside the needle stand beside the
+// picture.
 void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRenderer& renderer,
                const SceneFrame& frame, float free_below_px) {
   const SceneView& scene = *renderer.scene();
@@ -213,14 +213,17 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
     for (const BodySection::Name& name : renderer.cutNames()) {
       const LayerView& structure = scene.layers[name.structure];
       const StructureShape shape = shapeOf(structure);
-      const bool hidden = shape == StructureShape::kLine && !frame.aids.has(pb::Exercise::ANATOMY);
+      const HazardView* const hazard = hazardAt(scene, name.place_W_m);
+      if (!hazard && shape == StructureShape::kSoft) continue;
+      if (isTarget(scene, structure.name)) continue;  // its mark has the name
+      const bool hidden =
+          (hazard || shape == StructureShape::kLine) && !frame.aids.has(pb::Exercise::ANATOMY);
       const auto at = picture.at(name.place_W_m);
-      if (!at || !picture.holds(*at) || hidden || shape == StructureShape::kSoft) continue;
-      if (isMarked(scene, structure.name)) continue;  // its mark has the name
+      if (!at || !picture.holds(*at) || hidden) continue;
       // at the side that is nearer, so that leaders do not cross the picture
       (at->x > picture.corner_px.x + 0.5F * picture.size_px.x ? anatomy : layers)
-          .push_back({*at, fittedText(structure.name, kNameShare * picture.size_px.x),
-                      structureColour(structure), 0});
+          .push_back({*at, fittedText(hazard ? hazard->name : structure.name, kNameShare * picture.size_px.x),
+                      hazard ? hazardColour(hazard->kind) : structureColour(structure), 0});
     }
   } else if (frame.aids.has(pb::Exercise::TISSUES) && frame.cut_open) {
     for (const LayerView& layer : scene.layers) {

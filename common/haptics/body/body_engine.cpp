@@ -261,10 +261,9 @@ const PathLayers* SceneEngine::path() const noexcept {
 void SceneEngine::restart() {
   state_ = {};
   if (!body_) return;
+  assert(body_->in_place && "another thread's answer would come to the new engine");
   const SceneModel& body = body_->body;
-  PathMaker* const paths = body_->in_place ? nullptr : body_->paths;
-  body_ = nullptr;  // it retires its paths first
-  body_ = std::make_unique<InBody>(body, paths);
+  body_ = std::make_unique<InBody>(body, nullptr);
   model_ = &body;
 }
 

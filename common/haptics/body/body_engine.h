@@ -1,6 +1,6 @@
 /// The engine with its state, for every scene. In a body it steps on the path that another thread found for
 /// it (FORCE_MODEL.md, "A body"): a path asked for in tick k is used from tick k + 20 on, so a run, a station
-/// and a replay agree. In all other scenes it is `step`, and costs no more.
+/// and a replay agree. In all other scenes it is `step` and one comparison.
 #pragma once
 
 #include <cstdint>
@@ -84,7 +84,14 @@ class SceneEngine {
   /// as it has other structures than the scene, or makes no scene. Not for the haptic thread.
   bool givePath(const PathLayers& path, bool enters = false);
 
-  /// As before the first tick.
+  /// Ends an insertion without a tick: the tip is outside after a FAULT, wherever outside. In a body the path
+  /// may be of another place; until the next one, a tip under its plane has no force. Real-time safe.
+  void leaveTissue() noexcept {
+    state_.inside = state_.in_limb = false;
+    if (body_ != nullptr) state_.outside_once = false;
+  }
+
+  /// As before the first tick. Only where paths are made in place. Not for the haptic thread.
   void restart();
   /// As after the last tick of another engine of the same model. Not for the haptic thread.
   void continueFrom(const SceneEngine& other);

@@ -13,7 +13,7 @@
 namespace needlelab {
 
 /// The maximum length of an encoded path.
-inline constexpr std::size_t kMaxPathBytes = 74 + 9 * kMaxStackLayers + 49 * kMaxBonePlanes;
+inline constexpr std::size_t kMaxPathBytes = 67 + 9 * kMaxStackLayers + 49 * kMaxBonePlanes;
 
 /// A path and the tick of the sample that the station stepped with it: a reader takes the path before that
 /// sample (common/gesture/FORMAT.md, "Paths in a body").
@@ -23,12 +23,13 @@ struct PathSnapshot {
 };
 Bytes encodePath(const PathSnapshot& snapshot);
 /// Safe for any bytes. Errors: kVersion, kCorrupt (wrong length, a number that is not finite, a direction
-/// that is no unit vector, tops that do not ascend from 0).
+/// that is not a unit vector, tops that do not ascend from 0).
 Result<PathSnapshot> decodePath(ByteView bytes);
 
-/// The maximum length of a list of paths: 64 of the longest, one in 20 ticks and one for each entry of a
-/// chunk of 1,000 samples.
-inline constexpr std::size_t kMaxPathListBytes = 64 * (2 + kMaxPathBytes);
+/// The maximum length of a list of paths, as in a chunk and in a live frame: room for 64 of the longest. A
+/// second has one in 20 ticks, and one for each entry.
+inline constexpr std::size_t kMaxPathListBytes = 32'768;
+static_assert(64 * (2 + kMaxPathBytes) <= kMaxPathListBytes);
 /// Appends a path to a list, each after its length. False if the list is full: it is then as before.
 bool appendPath(const PathSnapshot& snapshot, Bytes& list);
 /// The paths of a list in its order, without those that decodePath refuses. Safe for any bytes; a list that

@@ -151,13 +151,6 @@ LayerSpec nothing(const LayerSpec& skin) {
 
 }  // namespace
 
-StructureIndex structureAt(const PathLayers& path, double depth_m) noexcept {
-  assert(path.count > 0);
-  std::uint32_t i = 0;
-  while (i + 1 < path.count && depth_m >= path.layers[i + 1].top_m) ++i;
-  return path.layers[i].structure;
-}
-
 bool alike(const PathLayers& a, const PathLayers& b) noexcept {
   if (a.count != b.count || a.bones.count != b.bones.count) return false;
   const auto near = [](double x, double y) { return std::fabs(x - y) <= kAlike_m; };

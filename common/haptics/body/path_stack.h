@@ -25,9 +25,6 @@ struct PathLayers {
   double changes_from_m = 0;
 };
 
-/// The structure at a depth of a path.
-StructureIndex structureAt(const PathLayers& path, double depth_m) noexcept;
-
 /// Whether two paths differ by less than a hand can feel: the same structures, tops and bones within 20 µm.
 bool alike(const PathLayers& a, const PathLayers& b) noexcept;
 

@@ -6,8 +6,6 @@
 namespace needlelab {
 namespace {
 
-/// A field's distance changes by at most this per length (field.cpp).
-constexpr double kMostSteep = 1.118033988749895;
 /// A shaft is looked at in steps of at least this.
 constexpr double kShaftStep_m = 1e-4;
 /// A slope is taken over twice this; a surface is found to kOnSurface_m.

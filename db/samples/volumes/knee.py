@@ -5,12 +5,10 @@ and goes straight in. Below, `at(x, r, a)` takes places as an anatomist says the
 from the femur's axis.
 """
 import math
-from types import SimpleNamespace
 
 from field import Volume, scaled, to_ellipsoid
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
-BUILDS = ("slender", "median", "heavy")
 PARAMETERS = [
     ("skin", (1.65, 1.77, 1.89), "dermis of the thigh 1.65 and 1.89 mm: PMC3897752"),
     ("fat", (4, 7, 14), "set by hand"),
@@ -107,13 +105,11 @@ def expected(p):
 
 
 def targets(p):
-    return [("suprapatellar recess", "recess", (0, 0, -Knee(p).depth), 2)]
+    return [("suprapatellar recess", "recess", (0, 0, -Knee(p).depth))]
 
 
-def hazards(p):
-    k = Knee(p)
-    return [("quadriceps tendon", "OTHER", "quadriceps", k.at(-45, 0, k.tendon), k.at(BASE, 0, k.tendon), 0.5 * p.tendon),
-            ("patella", "BONE", "patella", k.at(BASE + 10, 0, k.tendon + 1), k.at(BASE + p.patella_length - 10, 0, k.tendon), 9.5)]
+def hazards(_):
+    return [("quadriceps tendon", "OTHER", "quadriceps"), ("patella", "BONE", "patella")]
 
 
 def wrong_paths(p):
@@ -267,9 +263,8 @@ def volume(p):
     return v
 
 
-REGION = SimpleNamespace(
-    id="knee", name="Knee", title="suprapatellar recess from the side", builds=BUILDS, parameters=PARAMETERS,
-    volume=volume, expected=expected, targets=targets, hazards=hazards, wrong_paths=wrong_paths, measures=measures,
+REGION = dict(
+    id="knee", name="Knee", title="suprapatellar recess from the side",
     needle={"slender": (0.05, 21), "median": (0.05, 21), "heavy": (0.08, 21)}, tip=("HYPODERMIC", 0.3),
     fixture={"slender": 1.4, "median": 1.6, "heavy": 1.6}, cut_memory=True,
     directions={"plus_x": "down the leg", "minus_x": "up the leg", "plus_y": "to the front", "minus_y": "to the back",
@@ -278,5 +273,4 @@ REGION = SimpleNamespace(
                 "y to the front, z out along the needle.",
     forces="Attracted force 0.4 N, tendon 2.5 N, cartilage 3 N, bone 4 N: enhanced-tracking-wall paper; muscle: its range, by hand; skin, "
            "fat, capsule and fluid set by hand, thin ones so that they can be felt at 500 N/m; times {share} in this build, by hand. "
-           "Share of cutting that a cut still costs: Barnett (18 of 79 %).",
-    share=FORCES)
+           "Share of cutting that a cut still costs: Barnett (18 of 79 %).")

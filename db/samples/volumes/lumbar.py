@@ -3,12 +3,10 @@
 Frame: x towards the feet, y to the patient's right, z out of the back; the needle enters at the origin and goes straight in.
 """
 import math
-from types import SimpleNamespace
 
 from field import Volume
 from tissues import BONE, CARTILAGE, NERVE, layer, softened
 
-BUILDS = ("slender", "median", "heavy")
 PARAMETERS = [
     ("depth", (36.6, 48.2, 59.8), "skin to epidural space at L3-4 48.2 ± 11.6 mm: Lee 2004"),
     ("skin", (2, 2.5, 3), "set by hand"),
@@ -98,12 +96,11 @@ def expected(p):
 
 
 def targets(p):
-    return [("epidural space", "epidural", (0, 0, -p.depth - 0.5 * p.epidural), 0.5 * p.epidural - 0.5)]
+    return [("epidural space", "epidural", (0, 0, -p.depth - 0.5 * p.epidural))]
 
 
-def hazards(p):
-    z = Spine(p).sac
-    return [("dural sac", "NERVE", "dura", (-40, 0, z), (40, 0, z), 0.5 * p.sac)]
+def hazards(_):
+    return [("dural sac", "NERVE", "dura"), ("cerebrospinal fluid", "NERVE", "csf"), ("nerve roots", "NERVE", "roots")]
 
 
 def wrong_paths(p):
@@ -254,9 +251,8 @@ def volume(p):
     return v
 
 
-REGION = SimpleNamespace(
-    id="lumbar", name="Lumbar spine", title="epidural space at L3-L4", builds=BUILDS, parameters=PARAMETERS,
-    volume=volume, expected=expected, targets=targets, hazards=hazards, wrong_paths=wrong_paths, measures=measures,
+REGION = dict(
+    id="lumbar", name="Lumbar spine", title="epidural space at L3-L4",
     needle={"slender": (0.09, 18), "median": (0.09, 18), "heavy": (0.12, 18)}, tip=("TUOHY", None),
     fixture={"slender": 2, "median": 2.5, "heavy": 2.5}, cut_memory=True,
     directions={"plus_x": "towards the feet", "minus_x": "towards the head", "plus_y": "to the patient's right",
@@ -265,5 +261,4 @@ REGION = SimpleNamespace(
                 "back. Behind the ligamentum flavum resistance is lost.",
     forces="Bone 4 N, attracted force 0.4 N: enhanced-tracking-wall paper; ligaments 1.75 to 3 N: its range, chosen by hand; skin, fat, "
            "fluid and dura set by hand, thin ones so that they can be felt at 500 N/m; "
-           "times {share} in this build, by hand. Share of cutting that a cut still costs: Barnett (18 of 79 %).",
-    share=FORCES)
+           "times {share} in this build, by hand. Share of cutting that a cut still costs: Barnett (18 of 79 %).")

@@ -17,7 +17,16 @@ import shoulder
 import wrist
 from field import canonical, norm, point
 
-REGIONS = (shoulder.REGION, knee.REGION, wrist.REGION, lumbar.REGION)
+BUILDS = ("slender", "median", "heavy")
+
+
+def region_of(module):
+    return SimpleNamespace(builds=BUILDS, parameters=module.PARAMETERS, share=module.FORCES, volume=module.volume,
+                           expected=module.expected, targets=module.targets, hazards=module.hazards,
+                           wrong_paths=module.wrong_paths, measures=module.measures, **module.REGION)
+
+
+REGIONS = tuple(region_of(module) for module in (shoulder, knee, wrist, lumbar))
 HERE = os.path.dirname(os.path.realpath(__file__))
 PATHS = os.path.join(HERE, "../../../tests/data/profile/patient_paths.json")
 NEEDLES = {18: 1.27, 21: 0.82, 22: 0.72, 23: 0.64, 25: 0.51}  # outer diameter in mm by gauge, ISO 9626
@@ -34,7 +43,7 @@ def sources_text(region, build):
     column, parts, by_hand = region.builds.index(build), [], []
     for name, values, source in region.parameters:
         words = f"{name.replace('_', ' ')} {values[column]:g} mm"
-        if source == "set by hand":
+        if "set by hand" in source:
             by_hand.append(words)
         else:
             parts.append(f"{words} ({source})")
@@ -52,8 +61,8 @@ def profile(region, build):
     if region.tip[1]:
         needle["bevel_angle_rad"] = region.tip[1]
     targets = [{"name": name, "center_m": point(center), "structure": structure}
-               for name, structure, center, _ in region.targets(p)]
-    hazards = [{"name": name, "kind": kind, "structure": structure} for name, kind, structure, *_ in region.hazards(p)]
+               for name, structure, center in region.targets(p)]
+    hazards = [{"name": name, "kind": kind, "structure": structure} for name, kind, structure in region.hazards(p)]
     effects = ["CUTTING", "ATTRACTED", "CLAMPING", "ORIENTATION_LIMIT", "SHAFT_FRICTION", "PUNCTURE"]
     made = {
         "id": f"{region.id}-{build}", "name": f"{region.name}, {build}: {region.title}", "axial_model": "ENHANCED_TRACKING_WALL",
@@ -74,7 +83,7 @@ def paths(region, build):
     """The planned path and the wrong ones, with the layers that the generator's own evaluation finds."""
     p, v = parameters(region, build), region.volume(parameters(region, build))
     least = 0.5 * NEEDLES[region.needle[build][1]]
-    name, structure, center, _ = region.targets(p)[0]
+    _, structure, center = region.targets(p)[0]
 
     def layers(entry, through, reach):
         return [[structure, round(top, 3)] for structure, top in v.stack(entry, through, reach, least)]

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from field import Volume, add, cross, dot, norm, scaled, sub, unit
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
-BUILDS = ("slender", "median", "heavy")
 # name, value in mm of a slender, a median, a heavy body, source
 PARAMETERS = [
     ("depth", (22, 29, 36), "skin to bursa from the side 29 ± 7 mm: Arthroscopy 2008, doi 10.1016/j.arthro.2008.04.070"),
@@ -83,15 +82,11 @@ def expected(p):
 def targets(p):
     q, layers = places(p), dict(expected(p))
     middle = 0.5 * (layers["bursa"] + layers["cuff"])
-    return [("subacromial bursa", "bursa", scaled(q.way, middle), 0.45 * p.bursa)]
+    return [("subacromial bursa", "bursa", scaled(q.way, middle))]
 
 
-def hazards(p):
-    """name, kind, structure, and the nearest piece of it as a capsule."""
-    q = places(p)
-    w, z = 0.46 * p.head + 7, q.head[2] + 5 * p.head / 24
-    return [("axillary nerve", "NERVE", "nerve", (-0.45 * w, q.nerve + 0.9, z + 0.96 * w), (2, q.nerve, z + 1.05 * w), 1.5),
-            ("rotator cuff tendon", "OTHER", "cuff", (-8, *q.head[1:]), (8, *q.head[1:]), p.head + p.cuff - 0.5)]
+def hazards(_):
+    return [("axillary nerve", "NERVE", "nerve"), ("rotator cuff tendon", "OTHER", "cuff")]
 
 
 def wrong_paths(p):
@@ -240,9 +235,8 @@ def volume(p):
     return v
 
 
-REGION = SimpleNamespace(
-    id="shoulder", name="Shoulder", title="subacromial bursa from the side", builds=BUILDS, parameters=PARAMETERS,
-    volume=volume, expected=expected, targets=targets, hazards=hazards, wrong_paths=wrong_paths, measures=measures,
+REGION = dict(
+    id="shoulder", name="Shoulder", title="subacromial bursa from the side",
     needle={"slender": (0.05, 23), "median": (0.06, 22), "heavy": (0.08, 21)}, tip=("HYPODERMIC", 0.3),
     fixture={"slender": 1.5, "median": 2.2, "heavy": 3}, cut_memory=False,
     directions={"plus_x": "to the front", "minus_x": "to the back", "plus_y": "towards the head", "minus_y": "down the arm",
@@ -251,5 +245,4 @@ REGION = SimpleNamespace(
                 "z out of the body.",
     forces="Cutting of muscle, bursa, tendon, cartilage and bone (2, 1.5, 2.5, 3, 4 N) and attracted force 0.4 N: "
            "enhanced-tracking-wall paper; skin 0.6 N, so that 2 mm can be felt at 500 N/m, fascia and fat set by hand; times {share} in "
-           "this build, by hand.",
-    share=FORCES)
+           "this build, by hand.")

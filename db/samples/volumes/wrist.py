@@ -4,12 +4,10 @@ Frame: x towards the fingers, y towards the thumb, z out of the palm's side; the
 towards the fingers, at 45° to the skin.
 """
 import math
-from types import SimpleNamespace
 
 from field import Volume
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
-BUILDS = ("slender", "median", "heavy")
 PARAMETERS = [
     ("skin", (1.4, 1.6, 1.8), "set by hand"),
     ("fat", (1.2, 2, 4), "set by hand"),
@@ -17,9 +15,9 @@ PARAMETERS = [
     ("depth", (9.3, 10.4, 11.5), "tunnel 10.4 ± 1.1 mm deep: Mani 2011"),
     ("width", (20, 22, 24), "tunnel 25 mm wide at its beginning, 20 mm at the hook of the hamate: Hand Clin 2002;18:219"),
     ("arch", (23.8, 25.7, 27.6), "carpal arch 25.7 ± 1.9 mm wide: Clin Biomech 2013, PMC3669224"),
-    ("nerve_thickness", (1.7, 1.76, 1.8), "median nerve 7.5 mm² in the tunnel, 2.55 times as wide as thick: Mani 2011"),
+    ("nerve_thickness", (1.7, 1.76, 1.8), "median nerve 7.5 mm² in the tunnel, about 2.5 times as wide as thick: Mani 2011"),
     ("nerve_width", (4.4, 4.76, 4.9), "the same"),
-    ("beside", (2.6, 3.1, 3.4), "needle to nerve 4.8 ± 4.0 mm in 15 arms: J Hand Surg 2009, PubMed 19410990"),
+    ("beside", (2.6, 3.1, 3.4), "set by hand, within 4.8 ± 4.0 mm from needle to nerve in 15 arms: J Hand Surg 2009, PubMed 19410990"),
     ("tendon", (1.45, 1.6, 1.75), "radius of a flexor tendon: set by hand"),
     ("thick", (35, 40, 46), "wrist, palm to back: set by hand"),
     ("across", (52, 58, 64), "wrist, side to side: set by hand"),
@@ -59,7 +57,7 @@ def nerve_at(p):
 
 
 def targets(p):
-    return [("carpal tunnel", "tunnel", (goal(p), 0, -goal(p)), 0.9)]
+    return [("carpal tunnel", "tunnel", (goal(p), 0, -goal(p)))]
 
 
 def artery(p):
@@ -67,12 +65,8 @@ def artery(p):
     return -0.35 * p.arch, -(p.skin + 1.75)
 
 
-def hazards(p):
-    y, z = nerve_at(p)
-    ya, za = artery(p)
-    return [("median nerve", "NERVE", "nerve", (-6, y, z - 0.6), (32, y, z), 0.5 * p.nerve_width - 0.4),
-            ("ulnar artery", "VESSEL", "artery", (0, ya - 0.6, za - 0.7), (24, ya + 1, za - 0.4), 1.2),
-            ("flexor tendons", "OTHER", "tendon", (-5, -2.3, roof(p) - 2.5 - p.tendon), (30, -2.3, roof(p) - 2.5 - p.tendon), p.tendon)]
+def hazards(_):
+    return [("median nerve", "NERVE", "nerve"), ("ulnar artery", "VESSEL", "artery"), ("flexor tendons", "OTHER", "tendon")]
 
 
 def wrong_paths(p):
@@ -235,9 +229,8 @@ def volume(p):
     return v
 
 
-REGION = SimpleNamespace(
-    id="wrist", name="Wrist", title="carpal tunnel beside the median nerve", builds=BUILDS, parameters=PARAMETERS,
-    volume=volume, expected=expected, targets=targets, hazards=hazards, wrong_paths=wrong_paths, measures=measures,
+REGION = dict(
+    id="wrist", name="Wrist", title="carpal tunnel beside the median nerve",
     needle={"slender": (0.025, 25), "median": (0.025, 25), "heavy": (0.025, 25)}, tip=("HYPODERMIC", 0.3),
     fixture={"slender": 0.6, "median": 0.7, "heavy": 0.8}, cut_memory=False,
     directions={"plus_x": "towards the fingers", "minus_x": "towards the elbow", "plus_y": "towards the thumb",
@@ -245,5 +238,4 @@ REGION = SimpleNamespace(
     description="Left wrist, palm up: from the wrist's crease towards the fingers, at 45° to the skin, on the little finger's side of the "
                 "median nerve. x to the fingers, y to the thumb, z out of the palm's side.",
     forces="Bone 4 N: enhanced-tracking-wall paper; the other forces lie below its 1 N for skin, because the needle is thin (25G): set by "
-           "hand; times {share} in this build.",
-    share=FORCES)
+           "hand; times {share} in this build.")

@@ -11,8 +11,8 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/gate/handle_stiffness.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/warnings.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/targets/reachable.h"
 

@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-static_assert(kMaxCutSnapshotBytes <= kMaxCutMemoryBytes && kMaxPathListBytes <= kMaxPathsBytes);
+static_assert(kMaxCutSnapshotBytes <= kMaxCutMemoryBytes && kMaxPathListBytes == kMaxPathsBytes);
 
 // ten steps of the standard resolution: each stored coordinate errs by half a step
 constexpr double kClearlyOutside_m = 1e-5;
@@ -32,8 +32,8 @@ void MemoryFollower::follow(const GestureSample& sample) {
   const Vec3 p_W_m{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]};
   const Quat q_W{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]};
   StepReport report;
+  if (was_in_fault && !in_fault_) engine_->leaveTissue();
   if (model_.body_spec) {
-    if (was_in_fault && !in_fault_) engine_->state().inside = engine_->state().in_limb = false;
     static_cast<void>(engine_->stepAsStored({p_W_m, q_W}, storedTickOf(sample), report));
     judgePath(sample, report);
   } else {

@@ -17,6 +17,7 @@
 #include "client/view/plots.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
+#include "common/base/units.h"
 
 namespace needlelab {
 
@@ -196,7 +197,7 @@ void showAlignment(const LessonFollow& lesson) {
     std::string caption, value;
     const char* widest;  ///< a usual value, so that the columns do not move
   };
-  const auto degrees = [](double rad) { return fmt::format("{:.0f}°", rad * 180 / 3.14159265358979); };
+  const auto degrees = [](double rad) { return fmt::format("{:.0f}°", degreesOf(rad)); };
   const std::vector<Cell> cells = {
       {"from own line", now.inside ? mm(now.lateral_error_m) + " mm" : "–", "10.0 mm"},
       {"tilt", now.inside ? degrees(now.tilt_rad) : "–", "90°"},

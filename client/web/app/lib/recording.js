@@ -68,7 +68,8 @@ export function wayOf(columns, profile, placement) {
         : { x: 0, y: 0, z: -1 },
     );
   }
-  const first = points.findIndex((p) => depth(p) > 0);
+  // of a body only the engine knows the skin
+  const first = profile.limb ? points.findIndex((p) => depth(p) > 0) : (columns.layer ?? []).findIndex((l) => l >= 0);
   const entry =
     first < 0
       ? Math.max(

@@ -89,7 +89,11 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
     ({ x, y }) =>
       html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
   return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
-    <div class="replay-views">
+    ${
+      profile.volume &&
+      html`<p class="help">This patient is a body: the instructor's window shows the needle in it.</p>`
+    }
+    <div class="replay-views" hidden=${!!profile.volume}>
       <div>
         <h3>Side view</h3>
         <${SideView}
@@ -111,7 +115,7 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
         />
       </div>
     </div>
-    <${Legend} profile=${profile} path />
+    ${!profile.volume && html`<${Legend} profile=${profile} path />`}
     <div class="actions">
       <button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
       <label for=${id}>Moment</label>

@@ -5,7 +5,7 @@
 #include "common/base/text/text.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
+#include "common/profile/warnings.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/targets/reachable.h"

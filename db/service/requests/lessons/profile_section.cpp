@@ -1,12 +1,14 @@
 #include "db/service/requests/lessons/profile_section.h"
 
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <utility>
 
 #include "common/anatomy/field_body.h"
 #include "common/anatomy/field_section.h"
 #include "common/anatomy/inner_point.h"
+#include "common/haptics/surface.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/volume.h"
 
@@ -42,13 +44,14 @@ void add(Vec3 v, google::protobuf::RepeatedField<double>& to) {
 
 Status addSection(const pb::Profile& profile, pb::ProfileSection& section) {
   ASSIGN_OR_RETURN(Field field, fieldOf(profile.volume()));
-  const FieldBody body(std::move(field));
+  const auto shared = std::make_shared<const FieldBody>(std::move(field));
+  const FieldBody& body = *shared;
   const std::optional<Vec3> target_m = firstTarget_m(profile, body.field());
   Vec3 entry_m;
   if (target_m && std::fabs(body.depth(entry_m)) > kAtOrigin_m) entry_m = *target_m;
+  entry_m = nearestSkin(BodyLimb{shared, {}}, entry_m, {0, 0, -1});
   Vec3 up = body.normal(entry_m);
   if (up == Vec3{}) up = {0, 0, 1};
-  entry_m += up * body.depth(entry_m);
 
   const auto level = [&](Vec3 way) { return way - up * dot(up, way); };
   Vec3 across = target_m ? level(*target_m - entry_m) : Vec3{};

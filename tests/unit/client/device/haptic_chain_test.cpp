@@ -186,6 +186,38 @@ TEST(HapticChainFault, aFaultRemovesAllForceFromANeedleInALimb) {
   EXPECT_GT(tick.report.insertion_m, 0.002);
 }
 
+// During the FAULT the needle is taken to the arm's side, under the plane of the path that was in use. There
+// it is outside: the restart is allowed, without force, and it enters as from any side.
+TEST(HapticChainFault, inABodyARestartAsksTheBodyWhetherTheTipIsOutside) {
+  const SceneModel body = *compile(sceneIn(arm()), kChainRate_hz);
+  HapticChain chain(body, DeviceLimits{}, Pose{});
+  ChainTick tick;
+  const auto go = [&](Vec3 p_W_m, Vec3 axis, std::uint32_t condition = 0) {
+    DeviceReading reading;
+    reading.X_WH = {p_W_m, orientationAlong(axis)};
+    reading.condition = condition;
+    chain.tick(reading, true, 1, 1.0, tick);
+  };
+  const Vec3 down{0, 0, -1}, aside{0, -1, 0};
+  for (int k = 0; k <= 500; ++k) go({0, 0, 0.01 - 5e-5 * k}, down);
+  ASSERT_GT(norm(tick.rendered_W.force_N), 0.3) << "in the tissue";
+  // out, and round the arm to its side, 20 mm from the skin
+  for (int k = 0; k <= 400; ++k) go({0, 0, -0.015 + 1e-4 * k}, down, kDeviceEmergencyStop);
+  for (int k = 0; k <= 600; ++k) go({0, 1e-4 * k, 0.025}, down, kDeviceEmergencyStop);
+  for (int k = 0; k <= 650; ++k) go({0, 0.06, 0.025 - 1e-4 * k}, aside, kDeviceEmergencyStop);
+  const Vec3 beside{0, 0.06, -0.04};
+  go(beside, aside);
+  chain.acknowledge();
+  for (int k = 0; k < 400; ++k) {
+    go(beside, aside);
+    ASSERT_EQ(norm(tick.rendered_W.force_N), 0) << k;
+  }
+  EXPECT_EQ(tick.fault, Fault::kNone);
+  EXPECT_EQ(tick.report.layer, -1);
+  for (int k = 0; k <= 500; ++k) go(beside + aside * (5e-5 * k), aside);
+  EXPECT_NEAR(tick.report.insertion_m, 0.005, 1e-4);
+}
+
 TEST_F(HapticChainTest, plungerIsHeldToItsRange) {
   DeviceReading reading = at(0.01);
   reading.plunger = 3;

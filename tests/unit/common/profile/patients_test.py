@@ -103,6 +103,10 @@ class Patients(unittest.TestCase):
                 bones = {ranges[0][0] for structure, ranges in v.rules if v.is_bone(structure)}
                 ends = [end for group in bones for part in v.groups[group] for piece in part.pieces
                         for end in ((piece[0], piece[2]), (piece[1], piece[3]))]
+                for part in (part for group in bones for part in v.groups[group] if part.ellipsoid):
+                    center, radii, axes = part.ellipsoid
+                    ends += [(tuple(c + side * r * x for c, x in zip(center, axis)), 0)
+                             for r, axis in zip(radii, axes) for side in (-1, 1)]
                 self.assertGreater(len(ends), 20)
                 for at, radius in ends:
                     self.assertLess(v.distance("skin", at) + radius, -p.skin, (region.id, build, at))
@@ -113,7 +117,8 @@ class Patients(unittest.TestCase):
                 text = patients.sources_text(region, build)
                 for name, values, source in region.parameters:
                     self.assertTrue(source)
-                    self.assertIn(f"{name.replace('_', ' ')} {values[region.builds.index(build)]:g} mm", text)
+                    words = f"{name.replace('_', ' ')} {values[region.builds.index(build)]:g} mm"
+                    self.assertIn(words, text.split(" Set by hand: ")["set by hand" in source])
 
     def test_numbers_are_as_short_as_to_chars(self):
         for value, text in ((0.0008, "8e-04"), (0.001, "0.001"), (0.0012, "0.0012"), (100000, "1e+05"), (9000, "9000"),

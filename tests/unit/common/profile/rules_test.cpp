@@ -4,8 +4,8 @@
 #include <gmock/gmock.h>
 
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/warnings.h"
 #include "tests/unit/common/profile/good_profile.h"
 
 namespace needlelab {

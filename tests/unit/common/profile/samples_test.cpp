@@ -12,8 +12,8 @@
 #include "common/profile/layer_names.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/warnings.h"
 
 namespace needlelab {
 namespace {

@@ -14,8 +14,8 @@
 #include "common/haptics/models/like_for_like.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/warnings.h"
 #include "needlelab/options.pb.h"
 #include "tests/unit/common/profile/good_profile.h"
 

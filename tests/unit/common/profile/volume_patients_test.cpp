@@ -16,9 +16,9 @@
 #include "common/base/files/files.h"
 #include "common/haptics/body/body_engine.h"
 #include "common/profile/profile.h"
-#include "common/profile/rules.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/volume.h"
+#include "common/profile/warnings.h"
 
 namespace needlelab {
 namespace {

@@ -249,6 +249,7 @@ TEST_F(SpoolWriterTest, pathsBeyondAChunksRoomAreLeftOut) {
 TEST_F(SpoolWriterTest, fromWhatTheRingDroppedOnThereIsNoMemory) {
   SpoolWriter::Callbacks with_memories = callbacks();
   with_memories.cut_memory = [](const GestureSample&, bool wanted) { return wanted ? Bytes{1} : Bytes(); };
+  with_memories.paths = [](bool first) { return first ? Bytes{2} : Bytes(); };
   SpoolWriter writer(ring_, session_, stepped(), with_memories);
   push(0, 2000);
   run(writer, 20);
@@ -256,8 +257,11 @@ TEST_F(SpoolWriterTest, fromWhatTheRingDroppedOnThereIsNoMemory) {
   while (ring_.dropped() < 5) ring_.push(sampleAt(tick++));
   ASSERT_FALSE(writer.finish(5s).ok());
   ASSERT_GT(session_->contents().chunks, 10u);
-  for (std::uint64_t seq = 0; seq < session_->contents().chunks; ++seq)
-    EXPECT_EQ(cutMemoryOf(*session_->readChunk(seq)).empty(), seq >= 2) << seq;
+  for (std::uint64_t seq = 0; seq < session_->contents().chunks; ++seq) {
+    const auto chunk = session_->readChunk(seq);
+    EXPECT_EQ(cutMemoryOf(*chunk).empty(), seq >= 2) << seq;
+    EXPECT_EQ(pathListOf(*chunk).empty(), seq >= 2) << seq;
+  }
 }
 
 TEST_F(SpoolWriterTest, aSessionWithoutSamplesEndsEmpty) {

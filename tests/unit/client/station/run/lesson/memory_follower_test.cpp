@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/device/hand/hand_plan.h"
 #include "client/net/spool/spool_writer.h"
 #include "client/view/model/gesture_replica.h"
 #include "common/gesture/chunk.h"
@@ -31,6 +32,31 @@ SceneSpec rememberingScene() {
   scene.effects |= bitOf(Effect::kCutMemory);
   useUsualNumbers(effectEntry(Effect::kCutMemory), scene);
   return scene;
+}
+
+// through a round limb, and a FAULT there: after it the needle is outside, as for the station's loop
+TEST(MemoryFollower, aFaultEndsAnInsertionThroughTheLimb) {
+  SceneSpec scene = withLimb(rememberingScene(), LimbKind::kSphere);
+  scene.needle_length_m = 0.3;
+  scene.effects &= ~bitOf(Effect::kBone);
+  const auto model = std::make_unique<SceneModel>(*compile(scene, 1000));
+  const Site site = siteOf(LimbKind::kSphere);
+  for (const bool fault : {true, false}) {
+    MemoryFollower follower(*model);
+    std::uint64_t tick = 0;
+    const auto go = [&](double deep_m, std::uint8_t fault_now) {
+      GestureSample sample =
+          storedSample(tick++, {site.p_surface_m + site.inward * deep_m, orientationAlong(site.inward)}, {});
+      sample.fault = fault_now;
+      if (fault_now != 0) sample.flags = kFlagNotStepped;
+      follower.follow(sample);
+    };
+    for (int k = -100; k <= 1900; ++k) go(1e-4 * k, 0);  // the sphere is 160 mm thick
+    EXPECT_TRUE(follower.cuts().empty()) << "it is through";
+    for (int k = 0; fault && k < 100; ++k) go(0.19, 1);
+    for (int k = 0; k < 100; ++k) go(0.19, 0);
+    EXPECT_EQ(follower.cuts().empty(), !fault);
+  }
 }
 
 TEST(MemoryFollower, reportsCutsAtEachExitAndOnceASecondOutside) {

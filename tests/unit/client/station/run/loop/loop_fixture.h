@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "client/station/run/loop/path_worker.h"
 #include "client/station/run/loop/servo_loop.h"
 #include "tests/support/scenes/scenes.h"
 #include "tests/unit/client/station/run/loop/fake_loop.h"
@@ -32,6 +33,7 @@ class LoopFixture : public testing::Test {
   SceneModel model_;
   FakeTime clock_;
   std::unique_ptr<SampleRing> ring_ = std::make_unique<SampleRing>();
+  std::unique_ptr<PathWorker> paths_;  // of a body; outlives the loop
   std::unique_ptr<ServoLoop> loop_;
   std::vector<GestureSample> samples_;
 };

@@ -1,12 +1,10 @@
-/// Paths from another thread are those made in place, and the thread that asks neither waits nor allocates.
+/// Paths from another thread are those made in place.
 #include "client/station/run/loop/path_worker.h"
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <limits>
 #include <memory>
-#include <thread>
 
 #include "common/haptics/scene_model.h"
 #include "tests/support/anatomy/bodies.h"
@@ -30,7 +28,7 @@ PathAsk askAbove(double y_m) {
 
 PathStack* waitFor(PathWorker& worker) {
   PathStack* made = nullptr;
-  while (!worker.take(made)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_TRUE(eventually([&] { return worker.take(made); }));
   return made;
 }
 

@@ -80,8 +80,6 @@ TEST(StationActions, afterABadgeNoKeyBeginsTheLastTraineesNextLesson) {
   EXPECT_EQ(endActionByKey(kActOther, true), kActOther);
 }
 
-using testing::HasSubstr;
-
 BoardState calm() {
   BoardState state;
   state.status.time_s = 10;
