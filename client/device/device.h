@@ -26,6 +26,9 @@ enum class PlungerSource : std::uint8_t {
   kAnalog,   ///< `DeviceReading::plunger` is measured (or recorded)
 };
 
+/// The button that takes the needle's cap off and puts it on, in a lesson with PALPATION.
+inline constexpr int kCapButton = 2;
+
 /// Properties and limits of a device.
 struct DeviceInfo {
   std::string name;  ///< for a person, e.g. "simulated Virtuose 6D Desktop, hand 300 N/m"

@@ -90,7 +90,7 @@ Wrench HapticChain::stepped(const Pose& X_WH, const Pose& X_WT, double share) no
 
 // keeps the engine's last phase and layer; updates the tip's position as far as known
 void HapticChain::skipped(const Pose& X_WH, const Pose& X_WT) noexcept {
-  report_.flags = kFlagNotStepped;
+  report_.flags = kFlagNotStepped | (report_.flags & kFlagCapped);
   if ((gate_.flags() & kGateSampleRejected) != 0) return;  // a rejected sample does not update the position
   if (!isFinite(X_WT.p) || !isFinite(X_WT.q) || !isFinite(X_WH.p)) return;
   handle_ = X_WH;
@@ -111,6 +111,11 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
       gate_.admit({X_WT.p, X_WT.q}, fresh, reading.speed_mps, elapsed_ticks, reading.condition);
   assert(admitted || !in_fault || gate_.fault() != Fault::kNone);
   if (in_fault && gate_.fault() == Fault::kNone) engine_.leaveTissue();
+  if (fresh) {
+    const bool pressed = (reading.buttons >> kCapButton & 1u) != 0;
+    if (pressed && !cap_button_pressed_) switchCap();
+    cap_button_pressed_ = pressed;
+  }
   if (admitted)
     wanted_at_handle = stepped(reading.X_WH, X_WT, share);
   else

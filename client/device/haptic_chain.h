@@ -79,6 +79,16 @@ class HapticChain {
   [[nodiscard]] const PassivityControl* passivity() const noexcept {
     return passivity_ ? &*passivity_ : nullptr;
   }
+  /// Begins with the needle's cap on, in a scene with PALPATION. Call before the first tick.
+  void beginCapped() noexcept {
+    wants_cap_ = true;
+    engine_.wantCap(true);
+  }
+  /// Takes the cap off or puts it on, as kCapButton of the device does, once the tip is clear of the skin.
+  void switchCap() noexcept {
+    wants_cap_ = !wants_cap_;
+    engine_.wantCap(wants_cap_);
+  }
   [[nodiscard]] const ForceGate& gate() const noexcept { return gate_; }
   /// Acknowledges the fault for a person (ForceGate::acknowledge).
   void acknowledge() noexcept { gate_.acknowledge(); }
@@ -99,6 +109,7 @@ class HapticChain {
   std::optional<PassivityControl> passivity_;
   ForceGate gate_;
   Plunger plunger_;
+  bool wants_cap_ = false, cap_button_pressed_ = false;
   StepReport report_{};
   Pose handle_, tip_;
   std::uint64_t next_tick_ = 0;

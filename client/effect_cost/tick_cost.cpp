@@ -159,7 +159,8 @@ Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, dou
   if (auto status = add(whole->live); !status.ok()) return status.error();
   for (std::size_t i = 0; i < kEffectCount; ++i) {
     const auto effect = static_cast<Effect>(i);
-    if (!whole->isLive(effect)) continue;
+    // PALPATION has ticks of its own
+    if (!whole->isLive(effect) || (bitOf(effect) & kNeedleEffects) == 0) continue;
     if (auto status = add(whole->live & ~bitOf(effect)); !status.ok()) return status.error();
     costs.effects.push_back({effect, 0});
   }
@@ -257,6 +258,11 @@ std::string ownProgram() {
 
 Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::string>& command,
                                                          std::size_t parts) {
+  return countInstructions(command, parts, "needlelab::step(*");
+}
+
+Result<std::vector<std::uint64_t>> countInstructions(const std::vector<std::string>& command,
+                                                     std::size_t parts, const std::string& function) {
   if (!hasValgrind()) return Error{ErrorCode::kUnavailable, "valgrind is not on the PATH (Debian: valgrind)"};
   const ScratchFolder scratch;
   if (scratch.path().empty())
@@ -266,7 +272,7 @@ Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::
   std::vector<std::string> whole = {"valgrind",
                                     "--tool=callgrind",
                                     "--collect-atstart=no",
-                                    "--toggle-collect=needlelab::step(*",
+                                    "--toggle-collect=" + function,
                                     "--dump-before=needlelab_end_counted_part",
                                     "--callgrind-out-file=" + out.string()};
   whole.insert(whole.end(), command.begin(), command.end());

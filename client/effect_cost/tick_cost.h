@@ -75,6 +75,10 @@ void endCountedPart();
 Result<std::vector<std::uint64_t>> countStepInstructions(const std::vector<std::string>& command,
                                                          std::size_t parts);
 
+/// As countStepInstructions, of another function: its name with its parameters, in which `*` is any text.
+Result<std::vector<std::uint64_t>> countInstructions(const std::vector<std::string>& command,
+                                                     std::size_t parts, const std::string& function);
+
 /// Returns this program's own path, to run it again.
 std::string ownProgram();
 

@@ -61,6 +61,9 @@ void printReport(const AnatomyReport& report) {
                 row.method.name(), 1e3 * row.method.step_m, row.boundary_p50_mm, row.boundary_p99_mm,
                 row.boundary_max_mm, row.missed_percent, row.extra_percent, row.force_rms_N,
                 row.path_rms_p99_N, row.force_max_N, row.march_p50_us, row.march_p99_us);
+  if (report.palpation_p50_us > 0)
+    std::printf("\na tick with the cap on: %.1f us p50, %.1f us p99\n", report.palpation_p50_us,
+                report.palpation_p99_us);
   std::printf("\nhash of the stacks (sphere steps, 0.1 mm): %s\n", hashText(report).c_str());
 }
 
@@ -136,6 +139,8 @@ int anatomy(const AnatomyOptions& options) {
                                          {"paths", report->paths},
                                          {"layers_per_path", report->layers_per_path},
                                          {"numbers", report->numbers},
+                                         {"palpation_p50_us", report->palpation_p50_us},
+                                         {"palpation_p99_us", report->palpation_p99_us},
                                          {"hash", hashText(*report)}});
         !status.ok())
       return failed("anatomy", status.error());

@@ -64,14 +64,14 @@ Result<SceneSpec> effectsScene(const std::filesystem::path& profile) {
   scene.layers.at(4).membrane = MembraneSpec{300, 0, 0.5};
   for (const EffectEntry* effect : effectEntries())
     if (!isPlaced(effect->effect)) useUsualNumbers(*effect, scene);
-  scene.effects = kAllEffects;
+  scene.effects = kNeedleEffects;
   return scene;
 }
 
 Result<std::vector<EffectMask>> effectSets(const SceneSpec& scene, double rate_hz) {
   ASSIGN_OR_RETURN(const auto model, compile(scene, rate_hz));
   std::vector<EffectMask> sets;
-  for (EffectMask mask = 0; mask <= kAllEffects; ++mask)
+  for (EffectMask mask = 0; mask <= kNeedleEffects; ++mask)
     if ((mask & ~model.live) == 0) sets.push_back(mask);
   return sets;
 }

@@ -1,5 +1,6 @@
 /// A patient's body as the engine asks it: where the skin is, which layers a straight needle meets, where
-/// bone is near. common/anatomy implements it; the engine never asks it on the haptic thread.
+/// bone is near. common/anatomy implements it; the engine asks it on the haptic thread only with the
+/// needle's cap on.
 #pragma once
 
 #include <array>

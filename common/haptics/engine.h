@@ -18,21 +18,23 @@ struct TipSample {
 
 /// Events of a tick that explain its forces: a force step is allowed if one of the releases is set.
 enum StepFlag : std::uint32_t {
-  kFlagEntry = 1u << 0,          ///< an insertion began
-  kFlagExit = 1u << 1,           ///< release: the tip left the tissue
-  kFlagLayerChange = 1u << 2,    ///< release: the tip's layer differs from the previous tick's; with FEM
-                                 ///< also: the cut runs ahead, as on entering a softer layer
-  kFlagRupture = 1u << 3,        ///< release: a membrane ruptured
-  kFlagTurn = 1u << 4,           ///< u turned (change of trajectory)
-  kFlagClampCapped = 1u << 5,    ///< the clamping force is at its maximum
-  kFlagForceCapped = 1u << 6,    ///< the sum was limited to max_force_N
-  kFlagTorque = 1u << 7,         ///< the orientation limit exerts torque
-  kFlagNotStepped = 1u << 8,     ///< the sample was not finite: state unchanged, no force
-  kFlagStartedInside = 1u << 9,  ///< the tip is in the tissue but was never outside: no force
+  kFlagEntry = 1u << 0,        ///< an insertion began
+  kFlagExit = 1u << 1,         ///< release: the tip left the tissue
+  kFlagLayerChange = 1u << 2,  ///< release: the tip's layer differs from the previous tick's; with FEM
+                               ///< also: the cut runs ahead, as on entering a softer layer
+  kFlagRupture = 1u << 3,      ///< release: a membrane ruptured
+  kFlagTurn = 1u << 4,         ///< u turned (change of trajectory)
+  kFlagClampCapped = 1u << 5,  ///< the clamping force is at its maximum
+  kFlagForceCapped = 1u << 6,  ///< the sum was limited to max_force_N
+  kFlagTorque = 1u << 7,       ///< the orientation limit exerts torque
+  kFlagNotStepped = 1u << 8,   ///< the sample was not finite: state unchanged, no force
+  kFlagStartedInside =
+      1u << 9,  ///< the tip is in the tissue, or its cap on the skin, and never was off it: no force
   kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long
   kFlagFlatEntry = 1u << 11,     ///< with kFlagEntry: the needle lies on the skin, within 10 degrees
   kFlagNewPath = 1u << 12,   ///< a body: from this tick on, the layers ahead are those asked for 20 ticks ago
   kFlagKeptPath = 1u << 13,  ///< a body: they came too late, or the tip has passed them: the path was kept
+  kFlagCapped = 1u << 14,    ///< PALPATION: the needle is capped: it feels, and enters nothing
 };
 
 /// Output of one tick. Forces act on the user's hand; `*_N` along u are signed (cutting is negative,

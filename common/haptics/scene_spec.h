@@ -44,7 +44,8 @@ enum class Effect : std::uint8_t {
   kPuncture,
   kCutMemory,
   kBone,
-  kHub
+  kHub,
+  kPalpation
 };
 /// Always 0, except in tests/instructions, which compiles the engine with extra effects to measure their
 /// cost.
@@ -53,9 +54,10 @@ inline constexpr std::size_t kDummyEffectCount = NEEDLELAB_DUMMY_EFFECTS;
 #else
 inline constexpr std::size_t kDummyEffectCount = 0;
 #endif
-inline constexpr std::size_t kEffectCount = 9 + kDummyEffectCount;
+inline constexpr std::size_t kEffectCount = 10 + kDummyEffectCount;
 /// The number of effects with a fixed place within the tick. The others are stages, whose forces are added at
-/// the end, except HUB, which acts only when the needle is inserted to its hub.
+/// the end, except HUB, which acts only when the needle is inserted to its hub, and PALPATION, which acts
+/// instead of all others.
 inline constexpr std::size_t kPlacedEffectCount = 6;
 
 using EffectMask = std::uint32_t;
@@ -63,6 +65,8 @@ constexpr EffectMask bitOf(Effect effect) {
   return EffectMask{1} << static_cast<unsigned>(effect);
 }
 inline constexpr EffectMask kAllEffects = (EffectMask{1} << kEffectCount) - 1;
+/// Those of a needle without its cap: all but PALPATION, which has ticks of its own.
+inline constexpr EffectMask kNeedleEffects = kAllEffects & ~bitOf(Effect::kPalpation);
 inline constexpr EffectMask kPlacedEffects = (EffectMask{1} << kPlacedEffectCount) - 1;
 constexpr bool isPlaced(Effect effect) {
   return (bitOf(effect) & kPlacedEffects) != 0;
@@ -81,6 +85,9 @@ constexpr std::size_t stageOf(Effect effect) {
 inline constexpr std::size_t kBoneStiffness_N_per_m = 0, kBoneFriction = 1;
 /// The place of HUB's stiffness among its numbers.
 inline constexpr std::size_t kHubStiffness_N_per_m = 0;
+/// The places of PALPATION's numbers.
+inline constexpr std::size_t kPalpationSkin_N_per_m = 0, kPalpationBone_N_per_m = 1, kPalpationFriction = 2,
+                             kPalpationRadius_m = 3;
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
 struct PlaneLimb {

@@ -79,11 +79,15 @@ struct CutMemory {
   double shift_m = 0;                 ///< `x_shift_m` at the last tick
 };
 
-/// BONE: how the needle rests on the bone.
-struct BoneContact {
+/// How a tip rests on a surface (touch/proxy_contact.h).
+struct ProxyContact {
   bool touching = false;
-  Vec3 p_proxy_W_m;   ///< the rendered tip: on the bone's surface, never in it
-  Vec3 stretch_W_m;   ///< from the measured tip to the proxy
+  Vec3 p_proxy_W_m;  ///< the rendered tip: on the surface
+  Vec3 stretch_W_m;  ///< from the measured tip to the proxy
+};
+
+/// BONE: how the needle rests on the bone.
+struct BoneContact : ProxyContact {
   double held_m = 0;  ///< how far short of its measured place the tissue feels the tip, along −u
   // while held
   double cutting_N = 0, friction_N = 0;  ///< the forces along u, which may not grow
@@ -91,18 +95,26 @@ struct BoneContact {
                                          ///< `x_shift_m`
 };
 
-/// A stretch of the line from P0 along u that lies in one layer.
+/// PALPATION: the cap, and what the ball under it touches.
+struct Palpation {
+  bool capped = false;
+  bool clear = false;  ///< capped, the ball has been off the skin: it touches nothing before
+  ProxyContact skin, bone;
+};
+
+/// A stretch of the line from P0 along u that lies in one layer. Without initial values, as StiffnessSpan: to
+/// clear an array of them would take most of the time of laying the layers of a new path.
 struct LayerSpan {
-  double begin_m = 0, end_m = 0;                       ///< the first begins at −∞, the last ends at ∞
-  double friction_N_per_m = 0, friction_offset_N = 0;  ///< ∫₀^s friction = offset + slope·s
-  std::int64_t layer = 0;                              ///< −1: beyond the limb
+  double begin_m, end_m;                       ///< the first begins at −∞, the last ends at ∞
+  double friction_N_per_m, friction_offset_N;  ///< ∫₀^s friction = offset + slope·s
+  std::int64_t layer;                          ///< −1: beyond the limb
 };
 
 /// A stretch of the fixture's stiffness over the inserted length: with t from its beginning,
 /// k = k + t·(slope + t·half_bend).
 struct StiffnessSpan {
-  double begin_m = 0, end_m = 0;  ///< the first begins at 0, the last ends at ∞
-  double k_N_per_m = 0, slope_N_per_m2 = 0, half_bend_N_per_m3 = 0;
+  double begin_m, end_m;  ///< the first begins at 0, the last ends at ∞
+  double k_N_per_m, slope_N_per_m2, half_bend_N_per_m3;
 };
 
 /// The layers along u, in the order in which the needle meets them: in a round limb it leaves through the
@@ -113,8 +125,8 @@ struct LayersAlong {
   std::uint32_t at = 0;     ///< the span used last
   std::array<StiffnessSpan, 4 * kMaxLayers + 1> stiffness;
   std::uint32_t stiffness_count = 0;
-  StiffnessSpan stiffness_here;  ///< the span used last
-  double deepest_m = 0;          ///< where the line is deepest in the limb; infinite under a plane
+  StiffnessSpan stiffness_here{};  ///< the span used last
+  double deepest_m = 0;            ///< where the line is deepest in the limb; infinite under a plane
   double hold_m = 0;  ///< f_max/k at half the needle's length: u turns at this deviation at the latest
 };
 
@@ -128,14 +140,15 @@ struct SimState {
   bool inside = false;        ///< an insertion is under way; everything below belongs to it
   bool in_limb = false;       ///< … and the tip is in the limb: not through it
   Phase phase = Phase::kFree;
-  Vec3 p_entry_W_m;          ///< P0
-  Vec3 normal_W;             ///< n at P0, out of the tissue
-  Vec3 u_W;                  ///< the trajectory's direction, a unit vector
-  Vec3 u0_W;                 ///< u at entry, or where it last followed the axis near the skin
-  double slant = 1;          ///< c = max(0.05, −n·u)
-  double inverse_slant = 1;  ///< 1/c
-  std::uint32_t layer = 0;   ///< by δ
-  LayersAlong along;         ///< the layers along u, for the integrals over the inserted length
+  Vec3 p_entry_W_m;                ///< P0
+  Vec3 normal_W;                   ///< n at P0, out of the tissue
+  Vec3 u_W;                        ///< the trajectory's direction, a unit vector
+  Vec3 u0_W;                       ///< u at entry, or where it last followed the axis near the skin
+  double slant = 1;                ///< c = max(0.05, −n·u)
+  double inverse_slant = 1;        ///< 1/c
+  std::uint32_t layer = 0;         ///< by δ
+  std::uint32_t line_changes = 0;  ///< how often P0 or u was set; not part of the hash
+  LayersAlong along;               ///< the layers along u, for the integrals over the inserted length
 
   // speed: positions along u since the tick before entry are kept in `x_history_m` minus `x_shift_m`, so that
   // a turn moves all of them at once
@@ -196,10 +209,12 @@ struct SimState {
 
   NeedleState needle;  ///< FEM
 
-  CutMemory cuts;  ///< CUT_MEMORY; apart from `insertions`, the only state that outlives an insertion and
-                   ///< affects the next one
+  CutMemory cuts;  ///< CUT_MEMORY; apart from `insertions` and `palpation`, the only state that outlives an
+                   ///< insertion and affects the next one
 
   BoneContact bone;  ///< BONE
+
+  Palpation palpation;  ///< PALPATION
 };
 static_assert(std::is_trivially_copyable_v<SimState>);
 

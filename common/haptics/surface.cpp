@@ -79,6 +79,15 @@ Vec3 nearestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
   return at;
 }
 
+BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept {
+  BonesNear near = limb.body->bonesNear(inverse(limb.X_WL) * p_W_m, within_m);
+  for (std::size_t i = 0; i < near.count; ++i) {
+    near.planes[i].point_m = limb.X_WL * near.planes[i].point_m;
+    near.planes[i].normal = rotate(limb.X_WL.q, near.planes[i].normal);
+  }
+  return near;
+}
+
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept {
   assert(!(before.depth_prev_m > 0.0) && depth_m > 0.0);
   const double share = before.depth_prev_m / (before.depth_prev_m - depth_m);

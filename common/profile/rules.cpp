@@ -176,6 +176,22 @@ Status checkLayerNames(const pb::Profile& profile) {
   return {};
 }
 
+/// Checks the bone to find by feel.
+Status checkLandmark(const pb::Profile& profile) {
+  if (!profile.palpation().has_landmark()) return {};
+  const std::string& id = profile.palpation().landmark();
+  constexpr const char* kPath = "palpation.landmark";
+  if (!profile.has_volume())
+    return fieldError(kPath, "needs a volume, and the profile has layers, which have no landmark");
+  std::vector<std::string> bones;
+  for (const auto& structure : profile.volume().structures())
+    if (structure.layer().tissue() == pb::Layer::BONE) bones.push_back(structure.id());
+  if (std::ranges::find(bones, id) != bones.end()) return {};
+  return fieldError(kPath,
+                    fmt::format("{} is not a bone of the volume: {}", quotedText(id),
+                                bones.empty() ? "it has none" : fmt::format("{}", fmt::join(bones, ", "))));
+}
+
 /// Checks that each direction's name can be displayed.
 Status checkDirections(const pb::Directions& directions) {
   const std::pair<const char*, const std::string*> all[] = {
@@ -261,6 +277,7 @@ Status checkProfileRules(const pb::Profile& profile) {
   RETURN_IF_ERROR(checkLayerNames(profile));
   RETURN_IF_ERROR(checkTargets(profile));
   RETURN_IF_ERROR(checkAnchors(profile));
+  RETURN_IF_ERROR(checkLandmark(profile));
   RETURN_IF_ERROR(checkDirections(profile.directions()));
   std::set<std::string> names;
   for (int i = 0; i < profile.hazards_size(); ++i) {

@@ -15,7 +15,7 @@ from database import message  # noqa: E402, F401  a reader of Protobuf's fields
 __all__ = ["message"]  # for modules that import them from here
 from gesture_chunk import Chunk  # noqa: E402  a reader made from FORMAT.md alone
 
-ENTRY, TURN, NOT_STEPPED, BEYOND_NEEDLE = 1 << 0, 1 << 4, 1 << 8, 1 << 10
+ENTRY, TURN, NOT_STEPPED, BEYOND_NEEDLE, CAPPED = 1 << 0, 1 << 4, 1 << 8, 1 << 10, 1 << 14
 INSERTING, WITHDRAWING = 1, 3
 BRIDGE_S = 0.1
 # a movement of the tip begins above 3 mm/s, ends when it stays below 1.5 mm/s, and is 2 mm long
@@ -440,7 +440,7 @@ def motion(g, runs, result):
 
 def tissue(g, runs, result):
     within = [i for i in range(g.count) if g.inside[i]]
-    result["peak_force_n"] = max(g.force)
+    result["peak_force_n"] = max([0.0] + [force for force, flags in zip(g.force, g.flags) if not flags & CAPPED])
     result["greatest_depth_m"] = max([0.0] + [g.depth(g.tip[i]) for i in within])
     result["greatest_insertion_m"] = max([0.0] + [g.insertion[i] for i in within])
     result["largest_lateral_error_m"] = max([0.0] + [g.lateral[i] for i in within])

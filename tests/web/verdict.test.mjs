@@ -43,12 +43,12 @@ test('a verdict has one name, whatever page it stands on', () => {
 test('a session that was rendered softer than its profile says so beside the score, in the words of the station', () => {
   assert.equal(
     stiffnessShareText({ stiffness_share: 0.551 }),
-    "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.",
+    "Fixture, bone, palpation and orientation limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.",
   );
   const device_notes = ['The needle is mounted.', 'Across … N·m/rad. BONE is not live: the needle cuts bone.'];
   assert.equal(
     stiffnessShareText({ stiffness_share: 0.551, device_notes }),
-    "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.",
+    "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture, palpation and orientation limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.",
   );
   assert.equal(
     stiffnessShareText({ device_notes }),

@@ -136,6 +136,7 @@ HandAim Hand::plannedAim() const noexcept {
 Wrench Hand::pull(const HandleState& handle) noexcept {
   const HandAim aim = steered_ ? steered_->next() : plannedAim();
   plunger_ = aim.plunger;
+  presses_cap_button_ = aim.presses_cap_button;
 
   // the tip's aim with tremor and correction, moved to the handle; velocity from the previous step
   const Pose before = wanted_;

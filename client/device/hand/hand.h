@@ -127,6 +127,7 @@ struct HandOptions {
   double hold_s = 2;        ///< at the target, (0, 600]
   /// Draws the plunger back before injecting, as taught. On a command line the default is yes.
   bool aspirate = false;
+  bool capped = false;       ///< the lesson begins with the needle's cap on; not on a command line
   std::uint64_t seed = 1;    ///< of the tremor
   std::uint64_t repeat = 1;  ///< number of runs of the plan; 0 = endless
   /// [0, 1], from beginner to expert: the skill in the plan `target` (hand_options.h). Tremor and speed are
@@ -161,6 +162,7 @@ class Hand {
   /// Whether the plan and its repeats are done.
   [[nodiscard]] bool finished() const noexcept;
   [[nodiscard]] double plunger() const noexcept { return plunger_; }
+  [[nodiscard]] bool pressesCapButton() const noexcept { return presses_cap_button_; }
   /// Returns the wanted handle pose at the last `pull`, tremor included.
   [[nodiscard]] const Pose& wanted() const noexcept { return wanted_; }
 
@@ -175,6 +177,7 @@ class Hand {
   HandTremor tremor_;
   std::int64_t step_ = 0;
   double plunger_ = 0;
+  bool presses_cap_button_ = false;
   Pose wanted_;
   Vec3 correction_W_m_;  // of the aim so far
 };

@@ -57,6 +57,8 @@ double depthBelow(Limb limb, Vec3 p_W_m) {
   return signedDepth(limb, p_W_m);
 }
 
+constexpr double kFeelingSpeed_mps = 0.05;  // of a hand that feels for a landmark
+constexpr double kCapPress_s = 0.1;
 constexpr double kMiss_rad = 0.3;  // how far `retry` first aims beside the target
 
 Error invalid(const std::string& why) {
@@ -88,6 +90,14 @@ Result<HandPlan> planFromCsv(const std::string& path) {
   return plan;
 }
 
+// the first target without a name; null: there is none
+const PlanTarget* targetNamed(const std::vector<PlanTarget>& targets, const std::string& name) {
+  const auto named = std::find_if(targets.begin(), targets.end(), [&](const PlanTarget& target) {
+    return name.empty() || target.name == name;
+  });
+  return named == targets.end() ? nullptr : &*named;
+}
+
 Result<HandPlan> planByName(const std::string& kind, const std::string& argument, const HandOptions& options,
                             const SceneSpec& scene, const std::vector<PlanTarget>& targets) {
   PlanStyle style;
@@ -114,10 +124,8 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
     return insertionPlan(surface, -n, depth, style);
   }
 
-  const auto named = std::find_if(targets.begin(), targets.end(), [&](const PlanTarget& target) {
-    return argument.empty() || target.name == argument;
-  });
-  if (named == targets.end()) {
+  const PlanTarget* const named = targetNamed(targets, argument);
+  if (named == nullptr) {
     std::string known;
     for (const PlanTarget& target : targets) known += (known.empty() ? "'" : ", '") + target.name + "'";
     return invalid("the profile has no target '" + argument + "'" +
@@ -272,12 +280,23 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   const std::string argument = colon == std::string::npos ? "" : options.plan.substr(colon + 1);
   const bool is_name = kind == "target" || kind == "retry" || kind == "depth" || kind == "rest";
   auto plan = is_name ? planByName(kind, argument, options, scene_W, targets_W) : planFromCsv(options.plan);
+  if (!plan.ok()) return plan;
+  const bool caps = options.capped && kind != "rest";
+  if (caps) {
+    const PlanTarget* const target =
+        kind == "target" || kind == "retry" ? targetNamed(targets_W, argument) : nullptr;
+    HandPlan before = target != nullptr && target->landmark_W_m
+                          ? palpationPlan(scene_W.limb, *target->landmark_W_m, kFeelingSpeed_mps)
+                          : HandPlan(plan->start().X_WT).pressCapButton(kCapPress_s);
+    plan = before.setPlunger(plan->start().plunger).then(*plan, kFeelingSpeed_mps);
+  }
 
-  // a repeated plan must end where it starts, or hand and plunger would jump
-  if (plan.ok() && options.repeat != 1) {
+  // a repeated plan must end where it starts, or hand, plunger and cap would jump
+  if (options.repeat != 1) {
     if (plan->end().plunger != plan->start().plunger) plan->hold(0.5, plan->start().plunger);
     if (plan->end().X_WT != plan->start().X_WT)
       plan->moveTo(plan->start().X_WT, 5 * options.speed_mps, Motion::kMinJerk);
+    if (caps) plan->pressCapButton(kCapPress_s);
   }
   return plan;
 }

@@ -60,7 +60,8 @@ inline constexpr const char* kPointerPlan = "pointer";
 struct PlanTarget {
   std::string name;
   Vec3 center_W_m;
-  std::optional<Vec3> entry_W_m = std::nullopt;  ///< the marked entry on the skin
+  std::optional<Vec3> entry_W_m = std::nullopt;     ///< the marked entry on the skin
+  std::optional<Vec3> landmark_W_m = std::nullopt;  ///< where to feel for the profile's landmark: on the bone
 };
 
 /// Makes the plan that `options.plan` names:
@@ -71,6 +72,9 @@ struct PlanTarget {
 ///   layers;
 /// - `rest`: stays 20 mm outside for the time of the hold;
 /// - anything else: a CSV file of tip poses in W (readPoseTrack), with straight lines between its rows.
+///
+/// With `options.capped`, every plan but `rest` first takes the cap off, `target` and `retry` after feeling
+/// for the target's landmark (palpationPlan); one that is repeated puts it on again.
 ///
 /// Errors: kInvalidInput; also for `pointer`, which has no plan (see steeredStart).
 Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cassert>
+#include <optional>
+#include <utility>
 
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
@@ -85,7 +87,7 @@ double shareOfWay(Motion motion, double t) noexcept {
   return t;
 }
 
-HandPlan::HandPlan(const Pose& start) : start_{start, 0} {}
+HandPlan::HandPlan(const Pose& start) : start_{start} {}
 
 HandPlan& HandPlan::plungerAtStart(double plunger) {
   assert(segments_.empty());
@@ -100,12 +102,33 @@ void HandPlan::add(const HandAim& to, double seconds, Motion motion) {
 }
 
 HandPlan& HandPlan::hold(double seconds, double plunger) {
-  add({end().X_WT, plunger}, seconds, Motion::kLinear);
+  add({end().X_WT, plunger, false}, seconds, Motion::kLinear);
+  return *this;
+}
+
+HandPlan& HandPlan::setPlunger(double plunger) {
+  start_.plunger = plunger;
+  for (Segment& segment : segments_) segment.from.plunger = segment.to.plunger = plunger;
+  return *this;
+}
+
+HandPlan& HandPlan::pressCapButton(double seconds) {
+  HandAim pressed = end();
+  pressed.presses_cap_button = true;
+  add(pressed, seconds, Motion::kLinear);
+  pressed.presses_cap_button = false;
+  add(pressed, seconds, Motion::kLinear);
+  return *this;
+}
+
+HandPlan& HandPlan::then(const HandPlan& next, double speed_mps) {
+  moveTo(next.start().X_WT, speed_mps, Motion::kMinJerk);
+  for (const Segment& segment : next.segments_) add(segment.to, segment.duration_s, segment.motion);
   return *this;
 }
 
 HandPlan& HandPlan::moveIn(const Pose& to, double seconds, double plunger, Motion motion) {
-  add({to, plunger}, seconds, motion);
+  add({to, plunger, false}, seconds, motion);
   return *this;
 }
 
@@ -130,6 +153,7 @@ HandAim HandPlan::at(double t_s) const noexcept {
   aim.X_WT.p = now.from.X_WT.p + (now.to.X_WT.p - now.from.X_WT.p) * share;
   aim.X_WT.q = between(now.from.X_WT.q, now.to.X_WT.q, share);
   aim.plunger = now.from.plunger + (now.to.plunger - now.from.plunger) * share;
+  aim.presses_cap_button = now.to.presses_cap_button;
   return aim;
 }
 
@@ -179,6 +203,28 @@ HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
   }
   const double depth = depthOf(limb_W, target_W_m);
   return insertionPlan(target_W_m + n * depth, -n, depth, style);
+}
+
+HandPlan palpationPlan(const Limb& limb_W, Vec3 landmark_W_m, double speed_mps) {
+  constexpr double kHover_m = 0.012, kAside_m = 0.015, kDeepest_m = 0.03, kBeyond_m = 0.002;
+  constexpr double kPause_s = 0.5, kCapButton_s = 0.1;
+  const Vec3 over = skinAbove(limb_W, landmark_W_m, outwardNormal(limb_W, landmark_W_m));
+  const Vec3 n = outwardNormal(limb_W, over);
+  const Vec3 aside = normalized(cross(n, std::abs(n.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
+  const double depth_m = std::min(kDeepest_m, norm(landmark_W_m - over) + kBeyond_m);
+  std::optional<HandPlan> plan;
+  for (const double aside_m : {kAside_m, -kAside_m, 0.0}) {
+    const Vec3 at = skinAbove(limb_W, over + aside * aside_m, n), out = outwardNormal(limb_W, at);
+    const Quat q = orientationAlong(-out);
+    const Pose hover{at + out * kHover_m, q}, pressed{at - out * depth_m, q};
+    if (plan)
+      plan->moveTo(hover, speed_mps, Motion::kMinJerk);
+    else
+      plan.emplace(hover).hold(kPause_s);
+    plan->moveTo(pressed, speed_mps, Motion::kMinJerk);
+    plan->hold(kPause_s).moveTo(hover, speed_mps, Motion::kMinJerk);
+  }
+  return plan->pressCapButton(kCapButton_s);
 }
 
 HandPlan retryPlan(const Limb& limb_W, Vec3 target_W_m, double miss_rad, const PlanStyle& style,

@@ -20,7 +20,8 @@ enum class Motion : std::uint8_t {
 /// The wanted tip pose and plunger position.
 struct HandAim {
   Pose X_WT;
-  double plunger = 0;  ///< 0-1
+  double plunger = 0;               ///< 0-1
+  bool presses_cap_button = false;  ///< kCapButton of the device
 };
 
 /// Moves and rests of the tip in W, one after the other. Built once, then read; `at` may run in the haptic
@@ -36,6 +37,12 @@ class HandPlan {
   /// Rests for `seconds` (more than 0) while the plunger moves to `plunger`.
   HandPlan& hold(double seconds, double plunger);
   HandPlan& hold(double seconds) { return hold(seconds, end().plunger); }
+  /// Sets the plunger for the whole plan.
+  HandPlan& setPlunger(double plunger);
+  /// Rests for `seconds` with the device's cap button pressed, then as long without.
+  HandPlan& pressCapButton(double seconds);
+  /// Goes to the start of `next` at this peak speed, then follows it.
+  HandPlan& then(const HandPlan& next, double speed_mps);
   /// Goes to `to` in `seconds` (more than 0).
   HandPlan& moveIn(const Pose& to, double seconds, Motion motion) {
     return moveIn(to, seconds, end().plunger, motion);
@@ -96,6 +103,11 @@ HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanSt
 /// a body through `entry_W_m`, if there is one: the shortest way may lie through what must not be touched.
 HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
                     std::optional<Vec3> entry_W_m = std::nullopt);
+
+/// Feels for a landmark with a capped needle: presses on the skin on both sides of it, then over it, as deep
+/// as the bone but at most 30 mm; then presses the cap button, clear of the skin. `landmark_W_m`: on the
+/// bone.
+HandPlan palpationPlan(const Limb& limb_W, Vec3 landmark_W_m, double speed_mps);
 
 /// Follows the paper's Fig. 10: goes in `miss_rad` beside the way to the target, comes back by two thirds,
 /// turns to the target, goes in, holds, comes out. `entry_W_m` as for targetPlan.

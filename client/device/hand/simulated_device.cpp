@@ -159,7 +159,7 @@ DeviceRead SimulatedDevice::read(DeviceReading& reading) noexcept {
                            options_.encoder_step_rad);
   reading.speed_mps = norm(handle_.v_W_mps);
   reading.plunger = hand_->plunger();
-  reading.buttons = 0;
+  reading.buttons = hand_->pressesCapButton() ? 1u << kCapButton : 0u;
   return DeviceRead::kFresh;
 }
 

@@ -118,7 +118,7 @@ void stationState(const LiveStation& live) {
     return conditionLine(Condition::kTrouble, std::string("FAULT: ") + faultText(static_cast<Fault>(fault)));
   if (!status.trouble().empty()) return conditionLine(Condition::kAttention, printable(status.trouble()));
   if (status.session_id().empty()) return conditionLine(Condition::kUnknown, "no lesson at the moment");
-  conditionLine(Condition::kGood, phaseWord(live.shown().phase));
+  conditionLine(Condition::kGood, isCapped(live.shown()) ? "capped" : phaseWord(live.shown().phase));
 }
 
 }  // namespace

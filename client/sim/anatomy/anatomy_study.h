@@ -59,6 +59,8 @@ struct AnatomyReport {
   std::size_t paths = 0, numbers = 0;
   double layers_per_path = 0;
   std::vector<AnatomyRow> rows;
+  /// Processor time of a tick with the cap on, pressed on the skin where paths enter; 0 without PALPATION.
+  double palpation_p50_us = 0, palpation_p99_us = 0;
   std::uint64_t hash = 0;  ///< over the stacks of "sphere steps" of 0.1 mm: the same on every machine
 };
 

@@ -50,7 +50,7 @@ const StepReport& RecordedRun::step(const GestureSample& sample) {
   told_.stepAsStored(tip, stored, told_report);
   own_.stepOnPaths(tip, stored, report_);
 
-  if (stored.layer < 0 && report_.layer < 0) return report_;
+  if (stored.layer < 0 && report_.layer < 0 && (stored.flags & kFlagCapped) == 0) return report_;
   if (stored.hasEnginesForce())
     differences_N_.push_back(differenceFrom(stored, report_).force_N);
   else

@@ -36,6 +36,11 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     acknowledged_ = true;
   }
+  /// The needle's cap: off, or on again.
+  void switchCap() {
+    const std::scoped_lock lock(mutex_);
+    switches_cap_ = true;
+  }
   void setAids(ChosenAids chosen) {
     const std::scoped_lock lock(mutex_);
     aids_ = std::move(chosen);
@@ -49,6 +54,10 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     return std::exchange(acknowledged_, false);
   }
+  bool takeCapSwitch() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(switches_cap_, false);
+  }
   std::optional<ChosenAids> takeAids() {
     const std::scoped_lock lock(mutex_);
     return std::exchange(aids_, std::nullopt);
@@ -58,14 +67,14 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     stop_.reset();
     aids_.reset();
-    acknowledged_ = false;
+    acknowledged_ = switches_cap_ = false;
   }
 
  private:
   std::mutex mutex_;
   std::optional<StopCause> stop_;
   std::optional<ChosenAids> aids_;
-  bool acknowledged_ = false;
+  bool acknowledged_ = false, switches_cap_ = false;
 };
 
 }  // namespace needlelab

@@ -93,6 +93,7 @@ void LoopWatch::handleFaults(WatchedState& state) {
   state.acknowledge_pressed = enter_.pressed() || signal_ == SIGUSR1 || at_window;
   if (faults_.isAcknowledgement(state)) watched_.loop.acknowledge();
   for (const std::string& line : faults_.update(state)) logMessage(line);
+  if (watched_.home.requests().takeCapSwitch()) watched_.loop.switchCap();
 }
 
 void LoopWatch::showStatus(const WatchedState& state) {

@@ -99,6 +99,7 @@ Status StationRun::chooseDevice() {
     steering_ = std::make_shared<HandSteering>();
   DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL), options_.X_HT,
                                options_.hand, steering_};
+  device_options.hand.capped = !options_.uncapped && lesson_.model.isLive(Effect::kPalpation);
   ASSIGN_OR_RETURN(device_, makeDevice(options_.device, device_options));
   if (options_.rehearse_fault_s) {
     device_ = std::make_unique<RehearsedFault>(std::move(device_), *options_.rehearse_fault_s);
@@ -261,6 +262,8 @@ Status StationRun::practise() {
   settings.on_fault = options_.on_fault.value_or(is_attended ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
+  // a recording that is played has no button for the cap
+  settings.starts_capped = !options_.uncapped && device_->info().renders_force;
   settings.passivity = lesson_.passivity;
   if (lesson_.model.body_spec) paths_ = std::make_unique<PathWorker>(lesson_.model);
   loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings, paths_.get());

@@ -80,6 +80,7 @@ constexpr FlagText kFlagTexts[] = {
     {kFlagStartedInside, true, "in the tissue from the start: no force until the needle was outside once"},
     {kFlagBeyondNeedle, true, "inserted deeper than the needle is long"},
     {kFlagFlatEntry, true, "entries with the needle flat on the skin"},
+    {kFlagCapped, false, "with the cap on"},
     {kGateSampleRejected, true, "sample of the device rejected"},
     {kGatePeakLimited, true, "force cut to what the device can render"},
     {kGateThermalLimited, true, "force lowered so that the motors stay cool"},

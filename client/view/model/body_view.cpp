@@ -248,7 +248,16 @@ PicturePlane bodyCutOf(const SceneView& scene, const OrbitCamera& camera, const 
   return {place_W_m - to_viewer_W * (0.5 * drawnDiameter_m(scene)), to_viewer_W};
 }
 
+/// How wide a capped tip presses the skin in, besides half of its depth.
+constexpr double kCapDimple_m = 5e-3;
+
 std::optional<Dimple> dimpleOf(const SceneView& scene, const Moment& moment) {
+  if (isCapped(moment)) {
+    const double depth_m = depthAt(scene, moment.p_WT_m), pressed_m = depth_m + scene.cap_radius_m;
+    if (!(pressed_m > 0)) return std::nullopt;
+    const Vec3 out_W = outwardAt(scene, moment.p_WT_m);
+    return Dimple{moment.p_WT_m + out_W * depth_m, out_W, pressed_m, kCapDimple_m + 0.5 * pressed_m};
+  }
   if (!moment.inside) return std::nullopt;
   return Dimple{moment.p_entry_W_m, outwardAt(scene, moment.p_entry_W_m), 1.2e-3, 3.5e-3};
 }

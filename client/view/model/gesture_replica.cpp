@@ -204,7 +204,7 @@ void GestureReplica::State::updateMoment() {
   now.tilt_rad = 0;
   now.clamping_W = {};
   // during a FAULT the engine does not step, and the force is zero
-  const bool forces = sim.inside && now.fault == 0;
+  const bool forces = (sim.inside || engine.isCapped()) && now.fault == 0;
   now.terms = forces ? termsOf(report) : std::array<double, kEffectCount>{};
   if (!now.inside) return;
   now.p_entry_W_m = sim.inside ? sim.p_entry_W_m : guessed_entry_W_m;

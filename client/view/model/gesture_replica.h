@@ -54,6 +54,11 @@ struct Moment {
   [[nodiscard]] double term(Effect effect) const { return terms[static_cast<std::size_t>(effect)]; }
 };
 
+/// Whether the needle has its cap on (PALPATION).
+inline bool isCapped(const Moment& moment) {
+  return (moment.flags & kFlagCapped) != 0;
+}
+
 /// Copies the sample's values into the moment. Keeps the last position or rotation if the sample's is
 /// invalid. `loop_rate_hz`: rate of the tick numbers.
 void copySample(const GestureSample& sample, double loop_rate_hz, Moment& moment);

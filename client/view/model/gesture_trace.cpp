@@ -179,7 +179,7 @@ namespace {
 AlarmTick alarmTickOf(const Moment& moment) {
   const bool inside = moment.layer >= 0;
   return {moment.time_s,
-          forceOf(moment),
+          isCapped(moment) ? 0 : forceOf(moment),
           inside,
           moment.p_WT_m,
           moment.p_WT_m - moment.insertion_m * zAxis(normalized(moment.q_WT)),

@@ -102,6 +102,13 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
     view.body = std::dynamic_pointer_cast<const FieldBody>(body->body);
   if (auto* plane = std::get_if<PlaneLimb>(&view.limb_W)) plane->normal = normalized(plane->normal);
   view.layers = layersOf(profile);
+  if ((spec.effects & bitOf(Effect::kPalpation)) != 0) {
+    view.cap_radius_m = spec.stage_numbers[stageOf(Effect::kPalpation)][kPalpationRadius_m];
+    const auto& structures = profile.volume().structures();
+    for (int i = 0; i < structures.size(); ++i)
+      if (structures[i].id() == profile.palpation().landmark())
+        view.landmark = view.layers[static_cast<std::size_t>(i)].name;
+  }
   // the last layer has no lower end: it fills a round limb
   if (const double reach_m = reachOf(view.limb_W); std::isfinite(reach_m))
     view.layers.back().bottom_m = std::max(view.layers.back().bottom_m, reach_m);

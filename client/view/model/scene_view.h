@@ -62,6 +62,8 @@ struct SceneView {
   std::vector<TargetView> targets;
   std::vector<HazardView> hazards;
   NeedleSpec needle;        ///< diameter 0 if unknown
+  double cap_radius_m = 0;  ///< of the needle's cap, with PALPATION; 0: it has none
+  std::string landmark;     ///< name of the bone to find by feel; empty: none
   double max_force_N = 10;  ///< the profile's limit: scales force arrows
   Pose X_WL;
   /// The view's focus: the surface point above the first target, otherwise above the limb's middle; and the

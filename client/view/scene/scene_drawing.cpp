@@ -9,8 +9,9 @@
 namespace needlelab {
 namespace {
 
-constexpr Rgb kSteel = rgbOf(0xCBD3DC), kHubBlue = rgbOf(0x3F7FBF), kGlass = rgbOf(0xBFD9EA),
-              kPlungerGrey = rgbOf(0x4A5361), kMarkInk = rgbOf(0x1B2A3A), kLiquid = rgbOf(0x8FC7F0);
+constexpr Rgb kSteel = rgbOf(0xCBD3DC), kHubBlue = rgbOf(0x3F7FBF), kCapColour = rgbOf(0xE9C46A),
+              kGlass = rgbOf(0xBFD9EA), kPlungerGrey = rgbOf(0x4A5361), kMarkInk = rgbOf(0x1B2A3A),
+              kLiquid = rgbOf(0x8FC7F0);
 constexpr double kMark_m = 2.5e-3;
 constexpr Rgb kBackdropLow = rgbOf(0x171B21), kBackdropHigh = rgbOf(0x303947);
 
@@ -223,7 +224,7 @@ PixelRect SceneParts::movingRect(int width_px, int height_px) {
   const auto takeInstrument = [&](const Moment& moment) {
     const Vec3 axis_W = normalized(zAxis(moment.q_WT));
     const double end_m = -syringe.end_z_m, hub_m = scene->needle.length_m;
-    take(moment.p_WT_m, drawnDiameter_m(*scene));
+    take(moment.p_WT_m, std::max(drawnDiameter_m(*scene), scene->cap_radius_m));
     for (const double back_m : {hub_m, 0.5 * (hub_m + end_m), end_m})
       take(moment.p_WT_m - axis_W * back_m, 2.2 * syringe.radius_m);
   };
@@ -241,8 +242,6 @@ PixelRect SceneParts::movingRect(int width_px, int height_px) {
       if (moment.inside) take(moment.p_entry_W_m, 3e-3);
     }
     if (moment.inside && frame->aids.has(pb::Exercise::GUIDES)) {
-      const GuideCone guide = guideCone();
-      if (frame->show_cone) take(moment.p_entry_W_m - moment.u_W * guide.height_m, guide.radius_m);
       take(moment.p_entry_W_m, 0.06 * scene->extent_m);
       if (isFinite(moment.wall_W_m)) take(moment.wall_W_m, 0.06 * scene->extent_m);
     }
@@ -262,11 +261,6 @@ PixelRect SceneParts::movingRect(int width_px, int height_px) {
   const int y0 = std::clamp(static_cast<int>(std::floor(height_px - low)), 0, height_px),
             y1 = std::clamp(static_cast<int>(std::ceil(height_px - top)), 0, height_px);
   return {x0, y0, x1 - x0, y1 - y0};
-}
-
-GuideCone SceneParts::guideCone() const {
-  const double height_m = 0.62 * scene->needle.length_m;
-  return {height_m, height_m * std::tan(std::clamp(frame->moment.alpha_rad, 0.004, 1.0))};
 }
 
 void SceneParts::drawSkin() {
@@ -362,7 +356,10 @@ void SceneParts::drawAnatomy(float opacity) {
 void SceneParts::drawInstrument(const Moment& moment, Rgb steel, float opacity) {
   const Pose X_WT{moment.p_WT_m, normalized(moment.q_WT)};
   const Matrix4 tip = modelMatrix(X_WT);
-  put(needle, tip, steel, opacity, 0.8F);
+  if (scene->cap_radius_m > 0 && isCapped(moment))
+    put(cap, tip, kCapColour, opacity, 0.4F);
+  else
+    put(needle, tip, steel, opacity, 0.8F);
   if (openingBehindTip_m(scene->needle) > 0) {
     const double radius_m = 0.6 * drawnDiameter_m(*scene);
     put(ball,
@@ -389,14 +386,9 @@ void SceneParts::drawGlass(const Moment& moment) {
   glDisable(GL_CULL_FACE);
 }
 
-// The cone within which the needle may tilt, outside; the wall as a ring across the trajectory.
+// The wall as a ring across the trajectory.
 void SceneParts::drawGuides() {
   const Moment& moment = frame->moment;
-  const bool tight = moment.tilt_rad > 0.85 * moment.alpha_rad;
-  const GuideCone guide = guideCone();
-  const Matrix4 model = modelMatrix(poseTowards(moment.p_entry_W_m, -moment.u_W),
-                                    {guide.radius_m, guide.radius_m, guide.height_m});
-  if (frame->show_cone) put(cone, model, tight ? kOrange : kBluishGreen, tight ? 0.22F : 0.13F, 0.1F, 0.35F);
   if (!isFinite(moment.wall_W_m)) return;
   const double ring_m = 0.055 * scene->extent_m;
   glDisable(GL_DEPTH_TEST);

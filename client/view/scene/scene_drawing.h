@@ -15,11 +15,6 @@
 
 namespace needlelab {
 
-/// The cone of α outside the tissue, from the entry toward the hub.
-struct GuideCone {
-  double height_m = 0, radius_m = 0;
-};
-
 /// `still`: everything except the moving needle; `picture`: `still` plus the needle.
 struct SceneBuffers {
   explicit SceneBuffers(int samples) : still(samples), picture(samples) {}
@@ -40,7 +35,7 @@ struct SceneParts {
   PixelRect covered;                          ///< by the moving parts, in the last drawing
   GlProgram solid, section, backdrop;
   Texture table;
-  GlMesh unit_square, ball, arrow, cone, ring, skin;
+  GlMesh unit_square, ball, arrow, ring, skin, cap;
   GlMesh needle, hub, barrel, marks, plunger, liquid;
   std::vector<std::unique_ptr<GlMesh>> hazards;
   SyringeMesh syringe;
@@ -66,7 +61,6 @@ struct SceneParts {
   /// The plane that cuts a body open; none if it is closed, or no body.
   [[nodiscard]] std::optional<PicturePlane> bodyCut() const;
   void drawEntryMark();
-  [[nodiscard]] GuideCone guideCone() const;
   void drawBackdrop();
   void setView(int width_px, int height_px);
   void drawSkin();

@@ -29,7 +29,6 @@ struct SceneFrame {
   std::vector<TipTrail> trails;    ///< lines over the picture (sceneWidget only)
   std::optional<PlanView> plan_W;  ///< the exercise's plan, with the aid PLANNED_LINE; a body is cut along it
   bool cut_open = true;            ///< with the aid TISSUES: removes the half facing the eye
-  bool show_cone = false;          ///< with the aid GUIDES: the cone of angles
   bool show_hand = true;           ///< at the syringe over a body, for scale
   double arrow_extents_per_N = 0.22;  ///< length of force arrows, in scene extents
 };

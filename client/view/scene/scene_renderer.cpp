@@ -143,14 +143,12 @@ void addMoment(std::vector<double>& key, const Moment& moment, const AidSet& aid
   for (const double value : {moment.q_WT.x, moment.q_WT.y, moment.q_WT.z, moment.q_WT.w})
     addStepped(key, value, kSeenAngle / 2);
   addStepped(key, moment.plunger, 0.004);
-  key.push_back(moment.inside ? 1 : 0);
+  key.insert(key.end(), {moment.inside ? 1.0 : 0.0, isCapped(moment) ? 1.0 : 0.0});
   if (!moment.inside) return;
   addPlace(key, moment.p_entry_W_m);
   for (const double value : {moment.u_W.x, moment.u_W.y, moment.u_W.z}) addStepped(key, value, kSeenAngle);
   if (aids.has(pb::Exercise::GUIDES)) {
-    addStepped(key, moment.alpha_rad, 0.004);
     addPlace(key, moment.wall_W_m);
-    key.push_back(moment.tilt_rad > 0.85 * moment.alpha_rad ? 1 : 0);
   }
   if (aids.has(pb::Exercise::ARROWS))
     for (const EffectEntry* effect : effectsAsShown()) addStepped(key, termOf(*effect, moment), kSeenForce_N);
@@ -186,8 +184,7 @@ std::vector<double> movingKey(const SceneFrame& frame) {
   key.reserve(80);
   key.insert(key.end(), {frame.arrow_extents_per_N, frame.show_needle ? 1.0 : 0.0,
                          frame.aids.has(pb::Exercise::GUIDES) ? 1.0 : 0.0,
-                         frame.aids.has(pb::Exercise::ARROWS) ? 1.0 : 0.0, frame.show_cone ? 1.0 : 0.0,
-                         frame.show_hand ? 1.0 : 0.0});
+                         frame.aids.has(pb::Exercise::ARROWS) ? 1.0 : 0.0, frame.show_hand ? 1.0 : 0.0});
   if (frame.show_needle) addMoment(key, frame.moment, frame.aids);
   if (frame.second) addMoment(key, *frame.second, AidSet{});
   return key;
@@ -214,8 +211,6 @@ Result<std::unique_ptr<SceneRenderer>> SceneRenderer::make(int samples) {
   parts->unit_square.upload(unitSquare());
   parts->ball.upload(ballMesh(1, 14));
   parts->arrow.upload(arrowMesh());
-  // a cone from its apex at the origin to radius 1 at z = 1
-  parts->cone.upload(latheMesh({{0, 0}, {1, 1}}, 40));
   parts->ring.upload(latheMesh({{0.8, 0}, {0.8, 0.1}, {1, 0.1}, {1, 0}}, 32));
   return std::unique_ptr<SceneRenderer>(new SceneRenderer(std::move(parts)));
 }
@@ -247,6 +242,7 @@ void SceneRenderer::setScene(std::shared_ptr<const SceneView> scene) {
     parts.hazards.back()->upload(tubeMesh(hazard.a_W_m, hazard.b_W_m, hazard.radius_m, 10, 36));
   }
   parts.needle.upload(needleMesh(view.needle, drawnDiameter_m(view)));
+  if (view.cap_radius_m > 0) parts.cap.upload(tubeMesh({}, {0, 0, -view.needle.length_m}, view.cap_radius_m));
   parts.syringe = syringeMesh(view.needle.length_m);
   parts.hub.upload(parts.syringe.hub);
   parts.barrel.upload(parts.syringe.barrel);

@@ -12,6 +12,7 @@
 #include "common/haptics/effects/trajectory.h"
 #include "common/haptics/surface.h"
 #include "common/haptics/tick.h"
+#include "common/haptics/touch/palpation.h"
 
 namespace needlelab {
 namespace {
@@ -54,6 +55,9 @@ bool PathsInPlace::take(PathStack*& made) noexcept {
 void PathsInPlace::retire(PathStack* path) noexcept {
   delete path;
 }
+void PathsInPlace::continueFrom(const PathsInPlace& other) {
+  made_ = other.made_ ? std::make_unique<PathStack>(*other.made_) : nullptr;
+}
 
 struct SceneEngine::InBody {
   const SceneModel& body;
@@ -62,10 +66,14 @@ struct SceneEngine::InBody {
   PathStack* now = nullptr;
   std::uint64_t tick = 0;  // of the engine: steps since the start
   std::uint64_t next_mark = 0;
+  // the tick of the next mark, or of a path that is due before it; with the cap on, the next tick
+  std::uint64_t next_event = 0;
   bool asked = false;
   std::uint64_t due = 0;  // the tick that uses the path asked for
   PathAsk ask;            // the last one
   Vec3 asked_at_W_m;      // the tip when it was asked
+  // of the state, when its insertion, u and P0 were last found near enough to those of the ask
+  std::uint32_t line_changes = 0;
   // the tip 0 to 20 and 20 to 40 ticks ago
   struct Mark {
     Vec3 p_W_m;
@@ -95,7 +103,11 @@ struct SceneEngine::InBody {
   bool usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept;
   void useOutside(PathStack& next, SimState& state) const noexcept;
   void useInside(PathStack& next, SimState& state) const noexcept;
-  [[nodiscard]] bool wantsPath(const TipSample& sample, const SimState& state) const noexcept;
+  [[nodiscard]] bool tipMoved(const TipSample& sample) const noexcept {
+    return normSquared(sample.p_WT_m - asked_at_W_m) > kMoved_m * kMoved_m;
+  }
+  [[nodiscard]] bool wantsInside(const TipSample& sample, const SimState& state) noexcept;
+  [[nodiscard]] bool wantsOutside(const TipSample& sample, const SimState& state) const noexcept;
   void askFor(const TipSample& sample, const SimState& state) noexcept;
 };
 
@@ -171,9 +183,10 @@ void SceneEngine::InBody::replace(PathStack* next, SimState& state) noexcept {
 
 bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, SimState& state) noexcept {
   if (made == nullptr) return false;
-  const bool fits = insertion == (state.inside ? state.insertions : 0) && holds(*made, state) &&
-                    (!state.inside || state.depth_prev_m < made->path.changes_from_m) &&
-                    !(state.inside && alike(made->path, now->path));
+  const bool fits = insertion == (state.inside ? state.insertions : 0) &&
+                    !(state.inside &&
+                      (!(state.depth_prev_m < made->path.changes_from_m) || alike(made->path, now->path))) &&
+                    holds(*made, state);
   if (!fits) {
     paths->retire(made);
     return false;
@@ -211,15 +224,23 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
   return true;
 }
 
-bool SceneEngine::InBody::wantsPath(const TipSample& sample, const SimState& state) const noexcept {
-  if (now == nullptr || ask.insertion != (state.inside ? state.insertions : 0)) return true;
-  const Vec3 moved = sample.p_WT_m - asked_at_W_m;
-  if (!state.inside) {
-    const double enough_m = std::max(kMoved_m, kMovedShare * std::fabs(state.depth_prev_m));
-    return normSquared(moved) > enough_m * enough_m || turned(unitAxis(sample), ask.axis_W, kTurnedOutside);
-  }
-  return normSquared(moved) > kMoved_m * kMoved_m || turned(state.u_W, ask.axis_W, kTurned) ||
-         normSquared(state.p_entry_W_m - ask.p_entry_W_m) > kEntryMoved_m * kEntryMoved_m;
+bool SceneEngine::InBody::wantsInside(const TipSample& sample, const SimState& state) noexcept {
+  if (tipMoved(sample) || ask.insertion != state.insertions || turned(state.u_W, ask.axis_W, kTurned) ||
+      normSquared(state.p_entry_W_m - ask.p_entry_W_m) > kEntryMoved_m * kEntryMoved_m)
+    return true;
+  line_changes = state.line_changes;
+  return false;
+}
+
+bool SceneEngine::InBody::wantsOutside(const TipSample& sample, const SimState& state) const noexcept {
+  assert(!state.inside);
+  if (now == nullptr || ask.insertion != 0) return true;
+  const double enough_m = std::max(kMoved_m, kMovedShare * std::fabs(state.depth_prev_m));
+  if (normSquared(sample.p_WT_m - asked_at_W_m) > enough_m * enough_m) return true;
+  // making a vector a unit vector at most doubles its distance from another: mostly no root is needed
+  constexpr double kSurely = 0.499 * kTurnedOutside;
+  return !(normSquared(zAxis(sample.q_WT) - ask.axis_W) < kSurely * kSurely) &&
+         turned(unitAxis(sample), ask.axis_W, kTurnedOutside);
 }
 
 void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state) noexcept {
@@ -234,10 +255,11 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
   if (state.inside) {
     ask.axis_W = state.u_W;
     ask.p_entry_W_m = state.p_entry_W_m;
+    line_changes = state.line_changes;
     ask.slant = state.slant;
     ask.depth_m = std::max(0.0, state.depth_prev_m);
     ask.keep_m = ask.depth_m + kKeep_m + 2.0 * static_cast<double>(kPathTicks) * norm(moved);
-    ask.now = now->path;
+    ask.now = &now->path;
   } else {
     ask.axis_W = unitAxis(sample);
   }
@@ -249,7 +271,10 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
 // ---- the engine ----
 
 SceneEngine::SceneEngine(const SceneModel& model, PathMaker* paths)
-    : model_(&model), body_(model.body_spec ? std::make_unique<InBody>(model, paths) : nullptr) {}
+    : model_(&model),
+      scene_(&model),
+      is_plain_(!model.body_spec && !model.isLive(Effect::kPalpation)),
+      body_(model.body_spec ? std::make_unique<InBody>(model, paths) : nullptr) {}
 SceneEngine::SceneEngine(SceneEngine&&) noexcept = default;
 SceneEngine& SceneEngine::operator=(SceneEngine&&) noexcept = default;
 SceneEngine::~SceneEngine() = default;
@@ -260,6 +285,7 @@ const PathLayers* SceneEngine::path() const noexcept {
 
 void SceneEngine::restart() {
   state_ = {};
+  wants_cap_ = false;
   if (!body_) return;
   assert(body_->in_place && "another thread's answer would come to the new engine");
   const SceneModel& body = body_->body;
@@ -294,13 +320,15 @@ PathLayers SceneEngine::pathInUse() const {
 }
 
 void SceneEngine::continueFrom(const SceneEngine& other) {
-  assert(!body_ == !other.body_);
+  assert(!body_ == !other.body_ && is_plain_ == other.is_plain_);
   if (!body_) {
     state_ = other.state_;
+    wants_cap_ = other.wants_cap_;
     return;
   }
   restart();
-  assert(&body_->body == &other.body_->body);
+  wants_cap_ = other.wants_cap_;
+  assert(&body_->body == &other.body_->body && other.body_->in_place);
   state_ = other.state_;
   InBody& to = *body_;
   const InBody& from = *other.body_;
@@ -312,52 +340,104 @@ void SceneEngine::continueFrom(const SceneEngine& other) {
   to.asked = from.asked;
   to.due = from.due;
   to.ask = from.ask;
+  to.ask.now = nullptr;  // the other's
   to.asked_at_W_m = from.asked_at_W_m;
+  to.line_changes = from.line_changes;
   to.next_mark = from.next_mark;
+  to.next_event = from.next_event;
   to.mark = from.mark;
   to.mark_before = from.mark_before;
-  if (to.asked) to.paths->ask(to.ask);
+  to.in_place->continueFrom(*from.in_place);
   model_ = to.now != nullptr ? &to.now->model : &to.body;
 }
 
-void SceneEngine::stepInBody(const TipSample& sample, const StoredTick* stored, StepReport& report,
-                             bool as_stored) noexcept {
-  InBody& body = *body_;
-  std::uint32_t flags = 0;
-  if (stored != nullptr || (body.asked && body.tick == body.due)) [[unlikely]] {
-    if (body.usePath(stored, flags, state_)) flags = kFlagNewPath;
-    if (body.now != nullptr) model_ = &body.now->model;
+// the needle's own tick, or with its cap on palpation
+void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored, bool as_stored,
+                              StepReport& report) noexcept {
+  if (scene_->isLive(Effect::kPalpation)) {
+    if (stored != nullptr && (stored->flags & kFlagNotStepped) == 0) {
+      wants_cap_ = (stored->flags & kFlagCapped) != 0;
+      const bool clear = (stored->flags & kFlagStartedInside) == 0;
+      if (wants_cap_ != isCapped() || (wants_cap_ && !clear && state_.palpation.clear))
+        setCap(wants_cap_, clear, state_);
+    }
+    if (changeCap(*scene_, wants_cap_, sample, state_)) return palpate(*scene_, sample, state_, report);
   }
-  if (stored != nullptr && as_stored)
+  if (as_stored)
     static_cast<void>(needlelab::stepAsStored(*model_, sample, *stored, state_, report));
   else
     needlelab::step(*model_, sample, state_, report);
-  if ((report.flags & kFlagNotStepped) != 0) [[unlikely]]
-    return;
-  report.flags |= flags;
-  if (report.layer >= 0) {
-    report.layer = body.now->reported[static_cast<std::size_t>(report.layer)];
-    if (report.layer == kTouchedBone) [[unlikely]]
-      report.layer = touchedPlane(*model_, state_).structure;
+}
+
+// In every tick (tests/instructions counts what it costs): most have no bone and ask for no path.
+[[gnu::always_inline]] inline void SceneEngine::afterStep(const TipSample& sample,
+                                                          StepReport& report) noexcept {
+  if (report.layer < 0) return afterStepOutside(sample, report);
+  InBody& body = *body_;
+  report.layer = body.now->reported[static_cast<std::size_t>(report.layer)];
+  if (report.layer == kTouchedBone ||
+      (!body.asked && (body.tipMoved(sample) || state_.line_changes != body.line_changes))) [[unlikely]]
+    return afterStepInside(sample, report);
+  ++body.tick;
+}
+
+[[gnu::noinline]] void SceneEngine::afterStepInside(const TipSample& sample, StepReport& report) noexcept {
+  if (report.layer == kTouchedBone) report.layer = touchedPlane(*model_, state_).structure;
+  if (!body_->asked && body_->wantsInside(sample, state_)) body_->askFor(sample, state_);
+  ++body_->tick;
+}
+
+[[gnu::noinline]] void SceneEngine::afterStepOutside(const TipSample& sample,
+                                                     const StepReport& report) noexcept {
+  if ((report.flags & kFlagNotStepped) != 0) return;
+  if (!body_->asked && body_->wantsOutside(sample, state_)) body_->askFor(sample, state_);
+  ++body_->tick;
+}
+
+void SceneEngine::stepOther(const TipSample& sample, StepReport& report) noexcept {
+  if (!body_) return stepOnModel(sample, nullptr, false, report);
+  if (body_->tick == body_->next_event) [[unlikely]]
+    return stepAtEvent(sample, nullptr, report);
+  needlelab::step(*model_, sample, state_, report);
+  afterStep(sample, report);
+}
+
+void SceneEngine::wantCap(bool on) noexcept {
+  wants_cap_ = on;
+  if (body_) body_->next_event = body_->tick;
+}
+
+void SceneEngine::stepAtEvent(const TipSample& sample, const StoredTick* stored, StepReport& report,
+                              bool as_stored) noexcept {
+  as_stored = as_stored && stored != nullptr;
+  if (!body_) return stepOnModel(sample, stored, as_stored, report);
+  InBody& body = *body_;
+  std::uint32_t flags = 0;
+  if (stored != nullptr || (body.asked && body.tick == body.due)) {
+    if (body.usePath(stored, flags, state_)) flags = kFlagNewPath;
+    if (body.now != nullptr) model_ = &body.now->model;
   }
-  if (body.tick == body.next_mark) [[unlikely]] {
+  stepOnModel(sample, stored, as_stored, report);
+  if ((report.flags & kFlagNotStepped) != 0) return;
+  report.flags |= flags;
+  if (body.tick == body.next_mark) {
     body.mark_before = body.tick == 0 ? InBody::Mark{sample.p_WT_m, 0} : body.mark;
     body.mark = {sample.p_WT_m, body.tick};
     body.next_mark += kPathTicks;
   }
-  if (!body.asked && body.wantsPath(sample, state_)) [[unlikely]]
-    body.askFor(sample, state_);
-  ++body.tick;
+  // a path asked for in this tick is due no earlier than the next mark
+  body.next_event = body.asked ? std::min(body.due, body.next_mark) : body.next_mark;
+  if (wants_cap_ || isCapped()) body.next_event = body.tick + 1;
+  afterStep(sample, report);
 }
 
 void SceneEngine::stepOnPaths(const TipSample& sample, const StoredTick& stored, StepReport& report) {
-  if (!body_) return needlelab::step(*model_, sample, state_, report);
-  stepInBody(sample, &stored, report, false);
+  stepAtEvent(sample, &stored, report, false);
 }
 
 StoredDifference SceneEngine::stepAsStored(const TipSample& sample, const StoredTick& stored,
                                            StepReport& report) {
-  if (!body_) return needlelab::stepAsStored(*model_, sample, stored, state_, report);
+  if (is_plain_) return needlelab::stepAsStored(*model_, sample, stored, state_, report);
   // the stored structure, as the layer of the path that is nearest to the tip
   StoredTick on_path = stored;
   if (const PathLayers* const path = this->path(); path != nullptr && stored.layer >= 0) {
@@ -370,7 +450,7 @@ StoredDifference SceneEngine::stepAsStored(const TipSample& sample, const Stored
     }
     on_path.layer = nearest;
   }
-  stepInBody(sample, &on_path, report);
+  stepAtEvent(sample, &on_path, report);
   return differenceFrom(stored, report);
 }
 

@@ -1,6 +1,7 @@
 /// The engine with its state, for every scene. In a body it steps on the path that another thread found for
 /// it (FORCE_MODEL.md, "A body"): a path asked for in tick k is used from tick k + 20 on, so a run, a station
-/// and a replay agree. In all other scenes it is `step` and one comparison.
+/// and a replay agree. In a scene with PALPATION it also has the needle's cap. In all other scenes it is
+/// `step` and one comparison.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +26,8 @@ class PathMaker {
   virtual void ask(const PathAsk& ask) noexcept = 0;
   /// Whether it is made; then `made` is it, or null if there is none. The engine owns it until it retires it.
   virtual bool take(PathStack*& made) noexcept = 0;
-  /// The engine uses a path no more; it is not null.
+  /// The engine uses a path no more; it is not null. A question that was asked before may still read it
+  /// (PathAsk::now): it lives until that is answered.
   virtual void retire(PathStack* path) noexcept = 0;
 };
 
@@ -36,6 +38,8 @@ class PathsInPlace final : public PathMaker {
   void ask(const PathAsk& ask) noexcept override;
   bool take(PathStack*& made) noexcept override;
   void retire(PathStack* path) noexcept override;
+  /// Has the same answer as another.
+  void continueFrom(const PathsInPlace& other);
 
  private:
   const SceneModel& body_;
@@ -55,17 +59,23 @@ class SceneEngine {
   /// One tick. In a body, `report.layer` is a structure's index, as in a shell that of a layer of the
   /// profile.
   void step(const TipSample& sample, StepReport& report) noexcept {
-    if (body_ == nullptr) [[likely]]
+    if (is_plain_) [[likely]]
       return needlelab::step(*model_, sample, state_, report);
-    stepInBody(sample, nullptr, report);
+    stepOther(sample, report);
   }
-  /// As needlelab::stepAsStored. In a body a stored tick also says whether its path came too late. A path
-  /// that was given for it replaces the engine's own; during an insertion whose path was given, no other path
-  /// begins. Not for the haptic thread.
+
+  /// Asks for the needle's cap to be on or off, in a scene with PALPATION: it is from the next tick on that
+  /// allows it (changeCap). Off at the start.
+  void wantCap(bool on) noexcept;
+  [[nodiscard]] bool isCapped() const noexcept { return state_.palpation.capped; }
+
+  /// As needlelab::stepAsStored. A stored tick also says whether the cap was on, and in a body whether its
+  /// path came too late. A path that was given for it replaces the engine's own; during an insertion whose
+  /// path was given, no other path begins. Not for the haptic thread.
   StoredDifference stepAsStored(const TipSample& sample, const StoredTick& stored, StepReport& report);
 
-  /// As `step`, but in a body the paths begin as in stepAsStored: forces of the engine itself on the
-  /// station's paths. Not for the haptic thread.
+  /// As `step`, but the cap is on, and in a body the paths begin, as in stepAsStored: forces of the engine
+  /// itself on the station's paths. Not for the haptic thread.
   void stepOnPaths(const TipSample& sample, const StoredTick& stored, StepReport& report);
 
   /// The scene of this tick: in a body, of the path in use; before there is one, the model of the body.
@@ -89,20 +99,32 @@ class SceneEngine {
   void leaveTissue() noexcept {
     state_.inside = state_.in_limb = false;
     if (body_ != nullptr) state_.outside_once = false;
+    state_.palpation = {.capped = state_.palpation.capped, .clear = false, .skin = {}, .bone = {}};
   }
 
   /// As before the first tick. Only where paths are made in place. Not for the haptic thread.
   void restart();
-  /// As after the last tick of another engine of the same model. Not for the haptic thread.
+  /// As after the last tick of another engine of the same model; both make their paths in place. Not for the
+  /// haptic thread.
   void continueFrom(const SceneEngine& other);
 
  private:
   struct InBody;
-  void stepInBody(const TipSample& sample, const StoredTick* stored, StepReport& report,
-                  bool as_stored = true) noexcept;
+  void stepOther(const TipSample& sample, StepReport& report) noexcept;
+  /// `as_stored`: takes all of the stored tick's decisions, not only its path and cap.
+  void stepAtEvent(const TipSample& sample, const StoredTick* stored, StepReport& report,
+                   bool as_stored = true) noexcept;
+  void stepOnModel(const TipSample& sample, const StoredTick* stored, bool as_stored,
+                   StepReport& report) noexcept;
+  void afterStep(const TipSample& sample, StepReport& report) noexcept;
+  void afterStepInside(const TipSample& sample, StepReport& report) noexcept;
+  void afterStepOutside(const TipSample& sample, const StepReport& report) noexcept;
 
   const SceneModel* model_;
+  const SceneModel* scene_;  // in a body, its own model
   SimState state_{};
+  bool is_plain_ = true;  // neither a body nor PALPATION
+  bool wants_cap_ = false;
   std::unique_ptr<InBody> body_;  // null in all other scenes
 };
 

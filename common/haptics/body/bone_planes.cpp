@@ -5,89 +5,46 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <cmath>
-#include <limits>
 
-#include "common/haptics/effects/bone_contact.h"
+#include "common/haptics/touch/bone_contact.h"
+#include "common/haptics/touch/touching_planes.h"
 
 namespace needlelab {
 namespace {
 
 using namespace bone_contact;
 
-double below(const BonePlane& plane, Vec3 p_W_m) {
-  return -dot(plane.normal, p_W_m - plane.point_m);
-}
+// the bones near the tip, which a body's skin ends
+struct BonePlanes : TouchingPlanes {
+  const SceneModel& model;
 
-// the deepest plane; the model has at least one
-const BonePlane& planeAt(const SceneModel& model, Vec3 p_W_m) {
-  assert(model.bone_plane_count > 0);
-  const BonePlane* deepest = &model.bone_planes[0];
-  for (std::uint32_t i = 1; i < model.bone_plane_count; ++i)
-    if (below(model.bone_planes[i], p_W_m) > below(*deepest, p_W_m)) deepest = &model.bone_planes[i];
-  return *deepest;
-}
+  explicit BonePlanes(const SceneModel& of)
+      : TouchingPlanes{{of.bone_planes.data(), of.bone_plane_count}}, model(of) {}
 
-// Bones as half-spaces, which a body's skin ends.
-struct BonePlanes {
-  static constexpr bool kIsConvex = false;
-
-  static double depth(const SceneModel& model, Vec3 p_W_m) {
-    return std::min(below(planeAt(model, p_W_m), p_W_m), depthIn(model, p_W_m));
+  [[nodiscard]] double depth(Vec3 p_W_m) const {
+    return std::min(TouchingPlanes::depth(p_W_m), depthIn(model, p_W_m));
   }
 
-  static Vec3 normal(const SceneModel& model, Vec3 p_W_m, Vec3 /*motion*/) {
-    const BonePlane& plane = planeAt(model, p_W_m);
-    return below(plane, p_W_m) <= depthIn(model, p_W_m) ? plane.normal : model.plane_normal;
+  [[nodiscard]] Vec3 normal(Vec3 p_W_m, Vec3 motion) const {
+    if (TouchingPlanes::depth(p_W_m) > depthIn(model, p_W_m)) return model.plane_normal;
+    return TouchingPlanes::normal(p_W_m, motion);
+  }
+
+  [[nodiscard]] Rest rest(Vec3 proxy_W_m, Vec3 to_tip) const {
+    return restFrom(normal(proxy_W_m, to_tip), proxy_W_m, to_tip);
   }
 
   // the plane that the way crosses first
-  static bool meets(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) {
+  bool meets(Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) const {
     double first = 2.0;
-    for (std::uint32_t i = 0; i < model.bone_plane_count; ++i) {
-      const double gap_m = std::max(0.0, -below(model.bone_planes[i], from_W_m));
-      const double end_gap_m = -below(model.bone_planes[i], to_W_m);
+    for (const BonePlane& plane : planes) {
+      const double gap_m = std::max(0.0, -below(plane, from_W_m));
+      const double end_gap_m = -below(plane, to_W_m);
       if (end_gap_m < 0.0) first = std::min(first, gap_m / (gap_m - end_gap_m));
     }
     if (first > 1.0) return false;
     at_W_m = from_W_m + (to_W_m - from_W_m) * first;
     return true;
-  }
-
-  static Rest rest(const SceneModel& model, Vec3 proxy_W_m, Vec3 to_tip) {
-    Rest found{normal(model, proxy_W_m, to_tip), false, {}};
-    // on several bones: the one that the tip presses most
-    double most_m = -std::numeric_limits<double>::infinity();
-    for (std::uint32_t i = 0; i < model.bone_plane_count; ++i) {
-      const BonePlane& plane = model.bone_planes[i];
-      if (below(plane, proxy_W_m) < -kOnSurface_m || -dot(plane.normal, to_tip) <= most_m) continue;
-      most_m = -dot(plane.normal, to_tip);
-      found.normal = plane.normal;
-    }
-    const Vec3 along = to_tip + found.normal * std::max(0.0, -dot(found.normal, to_tip));
-    for (std::uint32_t i = 0; i < model.bone_plane_count; ++i) {
-      const BonePlane& plane = model.bone_planes[i];
-      if (below(plane, proxy_W_m) < -kOnSurface_m || !(dot(plane.normal, along) < 0.0)) continue;
-      const Vec3 edge = cross(found.normal, plane.normal);
-      const double size = norm(edge);
-      if (!(size > 1e-6)) continue;
-      found.on_edge = true;
-      found.edge = edge / size;
-    }
-    return found;
-  }
-
-  // only planes that the proxy is outside of: it does not enter one, but a plane that came over it may hold
-  // it
-  static Vec3 clipped(const SceneModel& model, Vec3 proxy_W_m, Vec3 step) {
-    double share = 1.0;
-    for (std::uint32_t i = 0; i < model.bone_plane_count; ++i) {
-      const double from_m = below(model.bone_planes[i], proxy_W_m);
-      const double to_m = below(model.bone_planes[i], proxy_W_m + step);
-      if (from_m > kOnSurface_m || to_m <= kOnSurface_m) continue;
-      share = std::min(share, std::max(0.0, -from_m) / (to_m - from_m));
-    }
-    return step * share;
   }
 };
 
@@ -113,7 +70,7 @@ void useBonePlanes(const BonesNear& bones, SceneModel& model) {
 
 const BonePlane& touchedPlane(const SceneModel& model, const SimState& state) {
   assert(state.bone.touching);
-  return planeAt(model, state.bone.p_proxy_W_m);
+  return BonePlanes(model).deepestAt(state.bone.p_proxy_W_m);
 }
 
 }  // namespace needlelab

@@ -31,6 +31,7 @@ double sliver_m(const SceneSpec& spec) {
 
 /// A body in W.
 struct Placed {
+  const BodyLimb& limb;
   const Body& body;
   Pose X_WL, X_LW;
 
@@ -40,11 +41,7 @@ struct Placed {
   [[nodiscard]] Vec3 normal(Vec3 p_W_m) const noexcept { return rotate(X_WL.q, body.normal(X_LW * p_W_m)); }
   [[nodiscard]] StructureIndex structure(Vec3 p_W_m) const noexcept { return body.structureAt(X_LW * p_W_m); }
   [[nodiscard]] BonesNear bones(Vec3 p_W_m, double within_m) const noexcept {
-    BonesNear near = body.bonesNear(X_LW * p_W_m, within_m);
-    for (std::size_t i = 0; i < near.count; ++i)
-      near.planes[i] = {X_WL * near.planes[i].point_m, rotate(X_WL.q, near.planes[i].normal),
-                        near.planes[i].structure};
-    return near;
+    return bonesNear(limb, p_W_m, within_m);
   }
 };
 
@@ -109,7 +106,7 @@ bool findOutside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, 
 }
 
 bool findInside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, PathLayers& path) {
-  const PathLayers& now = ask.now;
+  const PathLayers& now = *ask.now;
   path.point_W_m = now.point_W_m;
   path.normal_W = now.normal_W;
   while (path.count < now.count && now.layers[path.count].top_m <= ask.keep_m) {
@@ -172,7 +169,7 @@ bool alike(const PathLayers& a, const PathLayers& b) noexcept {
 bool findPath(const SceneModel& body, const PathAsk& ask, PathLayers& path) noexcept {
   assert(body.body_spec != nullptr && "a scene with a body");
   const auto& limb = std::get<BodyLimb>(body.body_spec->limb);
-  const Placed placed{*limb.body, limb.X_WL, inverse(limb.X_WL)};
+  const Placed placed{limb, *limb.body, limb.X_WL, inverse(limb.X_WL)};
   path = {};
   const bool found = ask.insertion == 0 ? findOutside(placed, ask, *body.body_spec, path)
                                         : findInside(placed, ask, *body.body_spec, path);

@@ -51,7 +51,8 @@ struct PathAsk {
   double slant = 1;    ///< inside: c
   double depth_m = 0;  ///< inside: δ of the tip
   double keep_m = 0;
-  PathLayers now;  ///< inside: the path in use
+  /// Inside: the path in use. It lives, unchanged, until the question is answered (PathMaker::retire).
+  const PathLayers* now = nullptr;
 };
 
 /// Finds a path in the scene's body. False where the body has no skin near the tip, or no tissue below it.

@@ -22,6 +22,7 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   state.p_entry_W_m = entryPoint(state, sample.p_WT_m, depth_m);
   state.normal_W = surfaceNormal(model.limb, state.p_entry_W_m, motion);
   state.u_W = state.u0_W = entryDirection(axis, state.normal_W);
+  ++state.line_changes;
   assert(isUnit(state.normal_W) && isUnit(state.u_W));
   state.slant = std::max(0.05, -dot(state.normal_W, state.u_W));
   state.inverse_slant = 1.0 / state.slant;

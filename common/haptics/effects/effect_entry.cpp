@@ -12,16 +12,16 @@ namespace needlelab {
 // To add an effect: add a file here that makes its entry, an enumerator in scene_spec.h, and a line in each
 // of these two lists.
 extern const EffectEntry kCuttingEntry, kAttractedEntry, kClampingEntry, kOrientationLimitEntry,
-    kShaftFrictionEntry, kPunctureEntry, kCutMemoryEntry, kBoneEntry, kHubEntry;
+    kShaftFrictionEntry, kPunctureEntry, kCutMemoryEntry, kBoneEntry, kHubEntry, kPalpationEntry;
 extern const std::array<EffectEntry, kDummyEffectCount> kDummyEntries;  // only in tests/instructions
 
 namespace {
 
 constexpr auto kEntries = [] {
   std::array<const EffectEntry*, kEffectCount> entries = {
-      &kCuttingEntry,          &kAttractedEntry,     &kClampingEntry,
-      &kOrientationLimitEntry, &kShaftFrictionEntry, &kPunctureEntry,
-      &kCutMemoryEntry,        &kBoneEntry,          &kHubEntry};
+      &kCuttingEntry,       &kAttractedEntry, &kClampingEntry,  &kOrientationLimitEntry,
+      &kShaftFrictionEntry, &kPunctureEntry,  &kCutMemoryEntry, &kBoneEntry,
+      &kHubEntry,           &kPalpationEntry};
   std::size_t next = kEffectCount - kDummyEffectCount;
   for (const EffectEntry& dummy : kDummyEntries) entries[next++] = &dummy;
   return entries;

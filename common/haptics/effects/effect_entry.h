@@ -91,7 +91,7 @@ struct EffectEntry {
   OnDevice on_device = {};
 
   // for scenes in which it is live
-  StageFunction stage = nullptr;  ///< null: it has a place in the tick
+  StageFunction stage = nullptr;  ///< null: it has a place in the tick, or ticks of its own
   /// Whether no needle enters this layer, so that the tissue above it continues; null: none is closed.
   bool (*closes)(const LayerSpec&) = nullptr;
   /// Prepares its numbers for the tick, after layers and axial model: `model.stage_numbers[stageOf(effect)]`

@@ -32,6 +32,7 @@ void moveLine(const SceneModel& model, const TipSample& sample, SimState& state,
   const double x_before_m = tick.x_m;
   const Vec3 u_before_W = state.u_W;
   const bool turns = !(u_W == u_before_W);
+  ++state.line_changes;
   state.p_entry_W_m = p_entry_W_m;
   if (turns || !model.is_plane) {
     state.normal_W = normal_W;
@@ -201,6 +202,45 @@ void blendStiffness(const SceneModel& model, LayersAlong& along) {
   along.hold_m = half > 0.0 ? model.fixture.max_force_N / half : kNoEnd;
 }
 
+// the spans of a line that enters at a place
+void layLine(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant, LayersAlong& along) {
+  assert(slant >= kMinSlant && model.layer_count > 0);
+  std::array<Reach, kMaxLayers> reach;
+  std::uint32_t met = 0;
+  along.deepest_m = kNoEnd;
+  for (; slant > kMinSlant && met < model.layer_count; ++met) {
+    reach[met] = reachBelow(model, model.layers[met].top_m, p_entry_W_m, u_W, slant);
+    const double middle_m = 0.5 * (reach[met].begin_m + reach[met].end_m);
+    reach[met].begin_m = met == 0 ? 0.0 : std::max(0.0, reach[met].begin_m);
+    if (!(reach[met].begin_m < reach[met].end_m)) break;
+    along.deepest_m = middle_m;
+  }
+  Layering layers(along);
+  if (met == 0) {  // the line leaves the limb at once
+    layers.add(0.0, kNoEnd, model.layers[0], 0);
+    return layers.close();
+  }
+  for (std::uint32_t i = 0; i + 1 < met; ++i)
+    layers.add(reach[i].begin_m, reach[i + 1].begin_m, model.layers[i], i);
+  layers.add(reach[met - 1].begin_m, reach[met - 1].end_m, model.layers[met - 1], met - 1);
+  for (std::uint32_t i = met - 1; i > 0; --i)
+    layers.add(reach[i].end_m, reach[i - 1].end_m, model.layers[i - 1], i - 1);
+  layers.add(reach[0].end_m, kNoEnd, model.beyond, -1);
+  layers.close();
+}
+
+// copies what is valid
+void copyLayers(const LayersAlong& from, LayersAlong& to) {
+  std::copy_n(from.spans.begin(), from.count, to.spans.begin());
+  std::copy_n(from.stiffness.begin(), from.stiffness_count, to.stiffness.begin());
+  to.count = from.count;
+  to.at = from.at;
+  to.stiffness_count = from.stiffness_count;
+  to.stiffness_here = from.stiffness_here;
+  to.deepest_m = from.deepest_m;
+  to.hold_m = from.hold_m;
+}
+
 }  // namespace
 
 Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept {
@@ -230,30 +270,7 @@ void layStraight(const SceneModel& model, LayersAlong& along) noexcept {
 
 void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant,
                LayersAlong& along) noexcept {
-  assert(slant >= kMinSlant && model.layer_count > 0);
-  std::array<Reach, kMaxLayers> reach;
-  std::uint32_t met = 0;
-  along.deepest_m = kNoEnd;
-  for (; slant > kMinSlant && met < model.layer_count; ++met) {
-    reach[met] = reachBelow(model, model.layers[met].top_m, p_entry_W_m, u_W, slant);
-    const double middle_m = 0.5 * (reach[met].begin_m + reach[met].end_m);
-    reach[met].begin_m = met == 0 ? 0.0 : std::max(0.0, reach[met].begin_m);
-    if (!(reach[met].begin_m < reach[met].end_m)) break;
-    along.deepest_m = middle_m;
-  }
-  Layering layers(along);
-  if (met == 0) {  // the line leaves the limb at once
-    layers.add(0.0, kNoEnd, model.layers[0], 0);
-    layers.close();
-    return blendStiffness(model, along);
-  }
-  for (std::uint32_t i = 0; i + 1 < met; ++i)
-    layers.add(reach[i].begin_m, reach[i + 1].begin_m, model.layers[i], i);
-  layers.add(reach[met - 1].begin_m, reach[met - 1].end_m, model.layers[met - 1], met - 1);
-  for (std::uint32_t i = met - 1; i > 0; --i)
-    layers.add(reach[i].end_m, reach[i - 1].end_m, model.layers[i - 1], i - 1);
-  layers.add(reach[0].end_m, kNoEnd, model.beyond, -1);
-  layers.close();
+  layLine(model, p_entry_W_m, u_W, slant, along);
   blendStiffness(model, along);
 }
 
@@ -279,7 +296,7 @@ void relayLayers(const SceneModel& model, SimState& state) noexcept {
   project(state, state.p_prev_W_m, tick);
   const double d_m = tick.insertion_m;
   LayersAlong ahead;
-  layLayers(model, state.p_entry_W_m, state.u_W, state.slant, ahead);
+  layLine(model, state.p_entry_W_m, state.u_W, state.slant, ahead);
   const double before_J = fixtureEnergy(model, lateralStiffness(state.along, d_m).k_N_per_m, tick.lateral_m);
   for (const double keep_m : {kKeepAhead_m, kBlend_m}) {
     LayersAlong relaid;
@@ -291,8 +308,7 @@ void relayLayers(const SceneModel& model, SimState& state) noexcept {
     blendStiffness(model, relaid);
     const double k_N_per_m = lateralStiffness(relaid, d_m).k_N_per_m;
     if (keep_m < kBlend_m && fixtureEnergy(model, k_N_per_m, tick.lateral_m) > before_J) continue;
-    state.along = relaid;
-    return;
+    return copyLayers(relaid, state.along);
   }
 }
 
@@ -393,7 +409,7 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
       fixtureEnergy(model, k_N_per_m, tick.lateral_m))
     return false;
   moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);
-  state.along = turned;
+  copyLayers(turned, state.along);
   return true;
 }
 

@@ -45,7 +45,8 @@ void LessonWatch::add(std::span<const GestureSample> samples) {
 
 void LessonWatch::check(const GestureSample& sample) {
   const double force_N = norm({sample.force_W_N[0], sample.force_W_N[1], sample.force_W_N[2]});
-  if (std::isfinite(force_N)) peak_force_N_ = std::max(peak_force_N_, force_N);
+  const bool counts = std::isfinite(force_N) && (sample.flags & kFlagCapped) == 0;
+  if (counts) peak_force_N_ = std::max(peak_force_N_, force_N);
   if (sample.layer != layer_) {
     layer_ = sample.layer;
     const auto index = static_cast<std::size_t>(layer_);
@@ -56,8 +57,8 @@ void LessonWatch::check(const GestureSample& sample) {
   const bool inside = isInside(sample) && isFinite(tip_W_m) && isFinite(q_WT) && dot(q_WT, q_WT) > 0.25 &&
                       std::isfinite(sample.insertion_m);
   const Vec3 skin_W_m = inside ? tip_W_m - sample.insertion_m * zAxis(normalized(q_WT)) : Vec3{};
-  alarms_.add({1e-9 * static_cast<double>(sample.time_ns), std::isfinite(force_N) ? force_N : 0, inside,
-               tip_W_m, skin_W_m, sample.layer, (sample.flags & kFlagBeyondNeedle) != 0});
+  alarms_.add({1e-9 * static_cast<double>(sample.time_ns), counts ? force_N : 0, inside, tip_W_m, skin_W_m,
+               sample.layer, (sample.flags & kFlagBeyondNeedle) != 0});
   if (!inside) return;
   if (!scene_->bone_touched && scene_->bones.isIn(sample.layer, tip_W_m)) {
     scene_->bone_touched = true;

@@ -31,18 +31,25 @@ struct PlacedVolume {
   std::shared_ptr<const FieldBody> body;
   Pose X_WL;
 
+  [[nodiscard]] std::optional<StructureIndex> indexOf(const std::string& id) const {
+    const auto found = std::ranges::find(spec.structures, id, &FieldStructure::id);
+    if (found == spec.structures.end()) return std::nullopt;
+    return static_cast<StructureIndex>(found - spec.structures.begin());
+  }
+  /// Null if there is no structure with that id.
+  [[nodiscard]] std::shared_ptr<const StructureRegion> structure(const std::string& id) const {
+    const auto index = indexOf(id);
+    return index ? std::make_shared<StructureRegion>(body, StructureMask{1} << *index, X_WL) : nullptr;
+  }
   /// The structure with that id, and its point `aim_m` in L; without one, its deepest point.
   [[nodiscard]] Region region(const std::string& name, const std::string& id,
                               std::optional<Vec3> aim_m = std::nullopt) const {
-    Region made{name, X_WL.p, X_WL.p, 0};
-    const auto found = std::ranges::find(spec.structures, id, &FieldStructure::id);
-    if (found == spec.structures.end()) return made;  // never from parseProfile
-    const auto index = static_cast<StructureIndex>(found - spec.structures.begin());
-    made.structure = std::make_shared<StructureRegion>(body, StructureMask{1} << index, X_WL);
+    Region made{name, X_WL.p, X_WL.p, 0, structure(id)};
+    if (made.structure == nullptr) return made;  // never from parseProfile
     if (aim_m) {
       made.a_W_m = made.b_W_m = X_WL * *aim_m;
       made.radius_m = std::max(0.0, -made.structure->distance(made.a_W_m));
-    } else if (const auto inner = innerPoint(spec, body->field(), index)) {
+    } else if (const auto inner = innerPoint(spec, body->field(), *indexOf(id))) {
       made.a_W_m = made.b_W_m = X_WL * inner->at_m;
       made.radius_m = inner->clearance_m;
     }
@@ -165,6 +172,8 @@ Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL) {
     const Vec3 b = is_ball ? a : X * (vectorOf(hazard.b_m()) + way);
     anatomy.hazards.push_back({hazard.name(), a, b, hazard.radius_m()});
   }
+  if (volume && profile.palpation().has_landmark())
+    anatomy.landmark = volume->structure(profile.palpation().landmark());
   return anatomy;
 }
 

@@ -45,6 +45,7 @@ struct Anatomy {
   std::vector<double> layer_end_m;
   std::vector<Target> targets;
   std::vector<Region> hazards;
+  std::shared_ptr<const StructureRegion> landmark = nullptr;  ///< the bone to find by PALPATION; null: none
 };
 
 /// `X_WL` as for `sceneSpecOf`; its quaternion is normalised. A profile without a limb (never from

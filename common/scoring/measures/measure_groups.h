@@ -89,6 +89,9 @@ struct GestureFacts {
   std::optional<double> planned_entry_m, planned_angle_rad, planned_line_m;
   double planned_line_ms = 0;  ///< over `weight_s`: the mean distance
 
+  bool has_landmark = false;
+  std::optional<double> landmark_s;  ///< empty: it has none, or it was not found
+
   // the syringe (findSyringe)
   int aspirations = 0, injections = 0;
   double injected = 0, injected_in_target = 0;

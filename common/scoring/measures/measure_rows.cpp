@@ -15,7 +15,9 @@ namespace needlelab {
 // 5: mean SPARC of the movements, weighted by distance; until then SPARC from first entry to last exit.
 // 6: contacts of the hub with the skin.
 // 7: being in a target requires being in its tissues; a profile whose targets name none scores as in 6.
-const std::uint32_t kScoreDefinitionVersion = 7;
+// 8: time to the landmark; forces with the cap on are no peak force. A patient without PALPATION scores as in
+// 7.
+const std::uint32_t kScoreDefinitionVersion = 8;
 
 namespace {
 
@@ -188,7 +190,7 @@ constexpr MeasureKind kMeasureKinds[] = {
      .unit = "N",
      .words = "Peak force",
      .better = Better::kLess,
-     .definition = "greatest force on the hand, of all ticks",
+     .definition = "greatest force on the hand, with the cap off the needle",
      .value = fact<&Facts::peak_N>,
      .role = MeasureRole::kForce,
      .in_lists = 2,
@@ -379,6 +381,13 @@ constexpr MeasureKind kMeasureKinds[] = {
      .need = MeasureNeed::kReference,
      .role = MeasureRole::kExpertPath,
      .in_reports = 9},
+    {.name = "landmark_s",
+     .unit = "s",
+     .words = "Time to the landmark",
+     .better = Better::kLess,
+     .definition = "from the first tick until the capped tip first pressed on the bone to be found by feel",
+     .value = fact<&Facts::landmark_s>,
+     .need = MeasureNeed::kLandmark},
 };
 
 }  // namespace

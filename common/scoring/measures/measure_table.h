@@ -46,6 +46,7 @@ enum class MeasureNeed : std::uint8_t {
   kInjectionAtTarget,  ///< an injection, and a target
   kInjectionInTissue,
   kReference,  ///< reference gestures
+  kLandmark,   ///< a patient with a landmark, found with the cap on
 };
 
 /// What other parts of the program look for a measure by. One measure has each role but kNone.

@@ -12,6 +12,7 @@
 #include "common/profile/layer_names.h"
 #include "common/scoring/anatomy/bone_contacts.h"
 #include "common/scoring/anatomy/contacts.h"
+#include "common/scoring/anatomy/structure_region.h"
 #include "common/scoring/measures/measure_groups.h"
 #include "common/scoring/measures/syringe_events.h"
 
@@ -197,7 +198,7 @@ class TissueGroup : public SampleGroup {
     counts_.add(sample);
     inefficiency_.add(i);
     const double force_N = forceOf(sample);
-    facts_.peak_N = std::max(facts_.peak_N, force_N);
+    if ((sample.flags & kFlagCapped) == 0) facts_.peak_N = std::max(facts_.peak_N, force_N);
     if (sample.layer != layer_before_) {
       changed_ = sample;
       has_changed_ = layer_before_ >= 0 && isInside(sample);
@@ -250,6 +251,7 @@ class TissueGroup : public SampleGroup {
 /// - `hazards_touched`: hazards touched by the tip or by the shaft in tissue (straight back along the
 ///   needle). `bone_contacts`: how often the tip met bone (bone_contacts.h). `hub_contacts`: how often the
 ///   hub met the skin (contacts.h).
+/// - `landmark_s`: when the capped tip was first no farther from the landmark than the cap is thick.
 class AimGroup : public SampleGroup {
  public:
   explicit AimGroup(GestureFacts& facts)
@@ -257,6 +259,7 @@ class AimGroup : public SampleGroup {
         facts_(facts),
         touched_(gesture_.anatomy.hazards.size(), false),
         bones_(*gesture_.profile, gesture_.anatomy) {
+    facts_.has_landmark = gesture_.anatomy.landmark != nullptr;
     if (gesture_.anatomy.targets.empty()) return;
     facts_.target_reached = false;
     facts_.at_target_s = 0;
@@ -270,6 +273,9 @@ class AimGroup : public SampleGroup {
     if (bones_.add(time_s, sample.layer, tip)) ++facts_.bone_contacts;
     if (hub_.add(time_s, sample.flags)) ++facts_.hub_contacts;
     final_.add(sample, i);
+    if (!facts_.landmark_s && (sample.flags & kFlagCapped) != 0 && gesture_.anatomy.landmark != nullptr &&
+        gesture_.anatomy.landmark->distance(tip) <= gesture_.profile->palpation().radius_m())
+      facts_.landmark_s = time_s;
     if (!isInside(sample)) return;
     const Vec3 skin = skinPointOf(sample);
     for (std::size_t h = 0; h < hazards.size(); ++h) {

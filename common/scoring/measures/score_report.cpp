@@ -60,6 +60,9 @@ bool neverIn(const GestureFacts& facts) {
 bool noTarget(const GestureFacts& facts) {
   return !facts.target_reached;
 }
+bool noLandmark(const GestureFacts& facts) {
+  return !facts.has_landmark;
+}
 bool noInjection(const GestureFacts& facts) {
   return facts.injections == 0;
 }
@@ -91,6 +94,8 @@ constexpr MissingReason kMissingReasons[] = {
     {MeasureNeed::kInjectionInTissue, always, "You did not inject into tissue."},
     {MeasureNeed::kReference, neverIn, kNeverIn},
     {MeasureNeed::kReference, always, "There is no reference gesture to compare with."},
+    {MeasureNeed::kLandmark, noLandmark, "The patient has no landmark."},
+    {MeasureNeed::kLandmark, always, "You did not press on the landmark with the cap on."},
 };
 
 std::string whyMissing(const Measure& row, const GestureFacts& facts,

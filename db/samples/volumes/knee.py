@@ -266,7 +266,7 @@ def volume(p):
 REGION = dict(
     id="knee", name="Knee", title="suprapatellar recess from the side",
     needle={"slender": (0.05, 21), "median": (0.05, 21), "heavy": (0.08, 21)}, tip=("HYPODERMIC", 0.3),
-    fixture={"slender": 1.4, "median": 1.6, "heavy": 1.6}, cut_memory=True,
+    fixture={"slender": 1.4, "median": 1.6, "heavy": 1.6}, cut_memory=True, landmark="patella",
     directions={"plus_x": "down the leg", "minus_x": "up the leg", "plus_y": "to the front", "minus_y": "to the back",
                 "plus_z": "outwards", "minus_z": "to the inner side"},
     description="Right knee, straight: from the outer side under the quadriceps tendon into the recess above the patella. x down the leg, "

@@ -232,7 +232,7 @@ def volume(p):
 REGION = dict(
     id="wrist", name="Wrist", title="carpal tunnel beside the median nerve",
     needle={"slender": (0.025, 25), "median": (0.025, 25), "heavy": (0.025, 25)}, tip=("HYPODERMIC", 0.3),
-    fixture={"slender": 0.6, "median": 0.7, "heavy": 0.8}, cut_memory=False,
+    fixture={"slender": 0.6, "median": 0.7, "heavy": 0.8}, cut_memory=False, landmark="carpals",
     directions={"plus_x": "towards the fingers", "minus_x": "towards the elbow", "plus_y": "towards the thumb",
                 "minus_y": "towards the little finger", "plus_z": "out of the palm", "minus_z": "to the back of the hand"},
     description="Left wrist, palm up: from the wrist's crease towards the fingers, at 45° to the skin, on the little finger's side of the "

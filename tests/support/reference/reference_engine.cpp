@@ -85,7 +85,8 @@ bool ReferenceEngine::live(Effect effect) const {
       return scene_.stage_numbers[stageOf(effect)][1] > 0;
     }
     case Effect::kBone:
-      return false;  // the reference does not model bone
+    case Effect::kPalpation:
+      return false;  // the reference does not model bone, nor the cap
     case Effect::kHub:
       return scene_.stage_numbers[stageOf(effect)][0] > 0;
   }

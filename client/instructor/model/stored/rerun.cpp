@@ -96,6 +96,8 @@ Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choi
   std::uint64_t in_tissue = 0, felt_in_tissue = 0, in_either = 0;
   for (const GestureSample& sample : gesture.samples) {
     if (stop && run.ticks % 8192 == 0 && stop()) return Error{ErrorCode::kFailed, "stopped"};
+    // the trainee's cap; a scene without PALPATION has none, and its needle goes in
+    if ((sample.flags & kFlagNotStepped) == 0) engine.wantCap((sample.flags & kFlagCapped) != 0);
     engine.step({{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]},
                  {sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}},
                 report);

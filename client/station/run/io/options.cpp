@@ -113,6 +113,7 @@ void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.add_option(
       "--plunger", raw.plunger,
       "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1");
+  app.add_flag("--uncapped", o.uncapped, "a lesson with PALPATION begins with the needle's cap off");
   app.add_flag("--passivity-control", o.passivity_control,
                "renders less of a force that would give the hand more energy than the hand gave, also where "
                "device and scene are proven to give none: elsewhere it is always on");

@@ -67,6 +67,7 @@ struct StationOptions {
   HandOptions hand;
   bool passivity_control = false;  ///< --passivity-control
   PlungerSettings plunger;         ///< --plunger; the device determines the source
+  bool uncapped = false;           ///< --uncapped: a lesson with PALPATION begins with the cap off
   Pose X_HT, X_WL;                 ///< --tool, --placement
   double rate_hz = 1000;
   double seconds = 0;      ///< 0: the device, the exercise's time limit or a signal ends the lesson

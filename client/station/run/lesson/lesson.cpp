@@ -14,6 +14,7 @@
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/warnings.h"
 #include "common/scoring/anatomy/anatomy.h"
+#include "common/scoring/anatomy/structure_region.h"
 #include "common/scoring/targets/reachable.h"
 
 namespace needlelab {
@@ -80,8 +81,11 @@ std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) 
   const auto entry = scene.ok() ? markedEntry(scene->limb, X_WL) : std::nullopt;
   const double behind_m = openingBehindTip_m(needleOf(profile.needle()));
   const Anatomy anatomy = anatomyOf(profile, X_WL);
-  for (const Target& target : anatomy.targets)
-    targets.push_back({target.ball.name, tipForTarget(anatomy, target, behind_m, entry), entry});
+  for (const Target& target : anatomy.targets) {
+    const Vec3 tip_W_m = tipForTarget(anatomy, target, behind_m, entry);
+    targets.push_back({target.ball.name, tip_W_m, entry, std::nullopt});
+    if (anatomy.landmark) targets.back().landmark_W_m = anatomy.landmark->nearest(entry.value_or(tip_W_m));
+  }
   return targets;
 }
 
@@ -97,7 +101,7 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
       ErrorCode::kInvalidInput,
       fmt::format(
           "the scene is too stiff for the {}: wall, friction and the steepest membrane "
-          "together along the needle, or the bone, is {:.4g} N/m, the device renders at most {:.4g} N/m; "
+          "together along the needle, or the bone, or the cap, is {:.4g} N/m, the device renders at most {:.4g} N/m; "
           "use a softer profile",
           device.name, axial, most)};
 }

@@ -37,11 +37,12 @@ void MemoryFollower::follow(const GestureSample& sample) {
     static_cast<void>(engine_->stepAsStored({p_W_m, q_W}, storedTickOf(sample), report));
     judgePath(sample, report);
   } else {
-    engine_->step({p_W_m, q_W}, report);
+    engine_->stepOnPaths({p_W_m, q_W}, storedTickOf(sample), report);
   }
   left_ = left_ || (report.flags & kFlagExit) != 0;
+  const SimState& state = engine_->state();
   outside_ =
-      !engine_->state().inside && engine_->state().outside_once && report.depth_m <= -kClearlyOutside_m;
+      !state.inside && (state.outside_once || engine_->isCapped()) && report.depth_m <= -kClearlyOutside_m;
 }
 
 void MemoryFollower::judgePath(const GestureSample& sample, const StepReport& report) {

@@ -9,18 +9,22 @@ PathWorker::PathWorker(const SceneModel& body) : body_(body), thread_([this] { w
 PathWorker::~PathWorker() {
   stop_.store(true, std::memory_order_relaxed);
   thread_.join();
-  deleteRetired();
+  takeRetired();
   for (PathStack* made = nullptr; made_.pop(made);) delete made;
 }
 
-void PathWorker::deleteRetired() {
-  for (PathStack* path = nullptr; retired_.pop(path);) delete path;
+PathWorker::Retired PathWorker::takeRetired() {
+  Retired retired;
+  for (PathStack* path = nullptr; retired_.pop(path);) retired.emplace_back(path);
+  return retired;
 }
 
 void PathWorker::work() {
   PathAsk ask;
   while (!stop_.load(std::memory_order_relaxed)) {
-    deleteRetired();
+    // taken before the question, deleted after its answer: one that was asked before a path was retired may
+    // read that path
+    const Retired retired = takeRetired();
     if (!asks_.pop(ask)) {
       std::this_thread::sleep_for(kPathPoll);
       continue;

@@ -3,7 +3,9 @@
 
 #include <atomic>
 #include <chrono>
+#include <memory>
 #include <thread>
+#include <vector>
 
 #include "common/base/wait_free.h"
 #include "common/haptics/body/body_engine.h"
@@ -29,8 +31,9 @@ class PathWorker final : public PathMaker {
   void retire(PathStack* path) noexcept override { retired_.push(path); }
 
  private:
+  using Retired = std::vector<std::unique_ptr<PathStack>>;
   void work();
-  void deleteRetired();
+  Retired takeRetired();
 
   const SceneModel& body_;
   // one question is open at a time; a path is retired when another is taken

@@ -29,6 +29,7 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock,
       storm_(settings.rate_hz) {
   assert(settings.rate_hz > 0 && closing_ticks_ > 0);
   if (settings.passivity) chain_.controlPassivity(*settings.passivity);
+  if (settings.starts_capped) chain_.beginCapped();
 }
 
 std::int64_t ServoLoop::dueNs(std::uint64_t tick) const noexcept {
@@ -85,6 +86,10 @@ void ServoLoop::handleRequests(std::uint64_t number) noexcept {
   if (acknowledged_.load(std::memory_order_relaxed)) {
     acknowledged_.store(false, std::memory_order_relaxed);
     chain_.acknowledge();
+  }
+  if (switches_cap_.load(std::memory_order_relaxed)) {
+    switches_cap_.store(false, std::memory_order_relaxed);
+    chain_.switchCap();
   }
   if (!crashing_ && crash_.load(std::memory_order_relaxed)) {
     crashing_ = true;

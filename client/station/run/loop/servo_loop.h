@@ -85,6 +85,7 @@ struct ServoSettings {
   std::optional<PassivitySettings> passivity = {};  ///< none: no passivity control
   PlungerSettings plunger{};                        ///< ignores `source`; the device determines it
   BlackBox* black_box = nullptr;                    ///< must outlive the loop; null: none
+  bool starts_capped = false;                       ///< in a scene with PALPATION
 };
 
 /// Thread: `run` on the haptic thread; the others as documented below. The constructor allocates all memory.
@@ -113,6 +114,8 @@ class ServoLoop {
   /// Acknowledges the present fault for a person. Counts once, in the next tick; each later fault needs its
   /// own acknowledgement.
   void acknowledge() noexcept { acknowledged_.store(true, std::memory_order_relaxed); }
+  /// Takes the needle's cap off or puts it on (HapticChain::switchCap), in the next tick.
+  void switchCap() noexcept { switches_cap_.store(true, std::memory_order_relaxed); }
   /// Returns the fault of the last tick.
   [[nodiscard]] Fault fault() const noexcept { return fault_.load(std::memory_order_relaxed); }
   /// In FAULT: its cause persisted in the last tick, so an acknowledgement does not count yet.
@@ -174,7 +177,7 @@ class ServoLoop {
 
   // requests to the loop, and its published state
   alignas(64) std::atomic<bool> stop_{false};
-  std::atomic<bool> crash_{false}, acknowledged_{false};
+  std::atomic<bool> crash_{false}, acknowledged_{false}, switches_cap_{false};
   alignas(64) std::atomic<bool> ended_{false};
   std::atomic<Fault> fault_{Fault::kNone};
   std::atomic<bool> cause_lasts_{false}, is_acknowledged_{false};

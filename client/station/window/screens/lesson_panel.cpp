@@ -179,7 +179,7 @@ void showState(const LessonFollow& lesson, const AidSet& aids) {
     {
       const WithFont heading(Letters::kHeading);
       const WithTextColour colour(phaseColour(now.phase));
-      textLine(phaseWord(now.phase));
+      textLine(isCapped(now) ? "capped" : phaseWord(now.phase));
     }
     showOpening();
   }

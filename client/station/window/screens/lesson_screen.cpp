@@ -255,6 +255,11 @@ void showHead(const BoardState& state, const LessonFollow& lesson) {
     const WithTextColour colour(limit > 0 && limit - now < 10 ? kOrange : kText);
     ImGui::TextUnformatted(clock.c_str());
   }
+  if (lesson.begun() && isCapped(lesson.now())) {
+    const WithTextColour colour(styleOf(Condition::kAttention).colour);
+    textLine(capText(lesson.scene()->landmark));
+    return;
+  }
   const WithTextColour colour(beginning.code_unchecked ? styleOf(Condition::kAttention).colour : kDimText);
   textLine(AidSet(state.aids).has(pb::Exercise::ALARMS)
                ? lessonLine(beginning)
@@ -262,6 +267,12 @@ void showHead(const BoardState& state, const LessonFollow& lesson) {
 }
 
 }  // namespace
+
+std::string capText(const std::string& landmark) {
+  return fmt::format(
+      "The needle is capped. Feel for {}, lift the needle off the skin, then press C or the third button",
+      landmark.empty() ? "the landmarks" : "the " + landmark);
+}
 
 std::string lessonLine(const LessonBeginning& beginning) {
   std::string who = beginning.trainee;
@@ -314,6 +325,11 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
     ImGui::SameLine();
     keyHint("Space X", "plunger");
     ImGui::SameLine();
+  }
+  if (lesson.beginning().lesson.model.isLive(Effect::kPalpation)) {
+    keyHint("C", isCapped(lesson.now()) ? "cap off" : "cap on");
+    ImGui::SameLine();
+    if (keys && ImGui::IsKeyPressed(GLFW_KEY_C, false)) requests.switchCap();
   }
   keyHint("1 2 3", "views");
   ImGui::SameLine();

@@ -37,6 +37,9 @@ Overlay overlayOf(const LessonStatus& status);
 /// could not check the code, says so instead of the attempt, which does not count yet. Pure.
 std::string lessonLine(const LessonBeginning& beginning);
 
+/// What to do with the cap on; `landmark` may be empty. Pure.
+std::string capText(const std::string& landmark);
+
 /// A lesson's screen and its state between frames. Thread: the window's.
 class LessonScreen {
  public:

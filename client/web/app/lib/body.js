@@ -1,66 +1,125 @@
-// A body's cut as the server sends it (ProfileSection), as paths and names. Pure; points of the grid, y down.
-import { tissueColor } from './tissue.js';
+// A body: its structures, the targets and hazards that are structures, and its cut as the server sends it
+// (ProfileSection). Pure; metres.
+import { layerNames, structureColor } from './tissue.js';
+import { words } from './units.js';
 
-const kWords = [
-  [/nerve|plexus/, '#f2dc3c'],
-  [/arter|vessel/, '#d0392b'],
-  [/vein/, '#5a79cf'],
-  [/fluid/, '#a9d3ea'],
-];
+/** The ids and usual names of a profile's structures. @returns {[string, string][]} */
+export function structuresOf(profile) {
+  const names = layerNames(profile);
+  return profile?.volume ? names.map((name, i) => [profile.volume.structures[i]?.id ?? '', name]) : [];
+}
 
-/** By tissue; nerves, vessels and fluids, which no tissue stands for, by a word of their name. */
-export const structureColor = ({ tissue, name }) =>
-  (tissue === 'OTHER' && kWords.find(([word]) => word.test(name))?.[1]) || tissueColor(tissue);
+/** The name of the structure that a target or hazard is; an id that no structure has, as it is; '' for a shape. */
+export const structureName = (profile, { structure }) =>
+  structure ? (structuresOf(profile).find(([id]) => id === structure)?.[1] ?? structure) : '';
+
+/** "dural sac (Nerve; dura and arachnoid)": a target or hazard with its kind, and its structure if that differs. */
+export function regionWords(profile, region) {
+  const structure = structureName(profile, region),
+    more = [region.kind && words(region.kind), structure !== region.name && structure].filter(Boolean);
+  return `${region.name}${more.length > 0 ? ` (${more.join('; ')})` : ''}`;
+}
 
 /**
- * For each structure in the cut: its area as the path of an SVG, and a place for its name: the middle of its longest
- * run.
- * @param {any} section a ProfileSection
+ * What a structure is marked as. A structure that is both is a hazard.
+ * @param {any} profile
+ * @param {number} index of the structure
+ * @returns {{kind: 'target'|'hazard', name: string}|undefined}
+ */
+export function markOf({ targets = [], hazards = [], volume }, index) {
+  const id = volume?.structures?.[index]?.id;
+  const named = (regions) => regions.find(({ structure }) => structure && structure === id);
+  const hazard = named(hazards),
+    found = hazard ?? named(targets);
+  return found && { kind: hazard ? 'hazard' : 'target', name: found.name ?? '' };
+}
+
+/** The target as a structure, which it still has a point of; '': as a ball. What the other kind has, it loses. */
+export function targetAs(structure, target) {
+  const { radius_m, tissues, anchor, structure: before, ...rest } = target;
+  if (structure) return { ...rest, structure };
+  return { ...rest, center_m: rest.center_m ?? { x: 0, y: 0, z: -0.02 }, radius_m: radius_m ?? 0.003 };
+}
+
+/** @returns {'ball'|'line'|'structure'} */
+export const hazardForm = ({ structure, a_m }) => (structure !== undefined ? 'structure' : a_m ? 'line' : 'ball');
+
+/**
+ * The hazard in another form, in its place if it has one.
+ * @param {'ball'|'line'|'structure'} form
+ * @param {any} hazard
+ * @param {string} [structure]
+ */
+export function hazardAs(form, hazard, structure = '') {
+  const { center_m, a_m, b_m, radius_m, anchor, structure: before, ...rest } = hazard;
+  if (form === 'structure') return { ...rest, structure };
+  const at = center_m ?? a_m ?? { x: 0, y: 0, z: 0 },
+    shape = { ...rest, ...(anchor && { anchor }), radius_m: radius_m ?? 0.002 };
+  return form === 'ball'
+    ? { ...shape, center_m: at }
+    : { ...shape, a_m: at, b_m: { ...at, x: (Number(at.x) || 0) + 0.02 } };
+}
+
+/** The runs of a cut: from where on in a row, y down, and of which structure; −1: outside. */
+function* runsOf({ runs, rows, columns }) {
+  let x = 0,
+    y = rows - 1;
+  for (let i = 0; i + 1 < runs.length; i += 2) {
+    yield { index: runs[i] - 1, x, y, length: runs[i + 1] };
+    x += runs[i + 1];
+    if (x < columns) continue;
+    x = 0;
+    y -= 1;
+  }
+}
+
+/**
+ * For each structure in the cut: its area as the path of an SVG in points of the grid, y down, and a place for its
+ * name: the middle of its longest run.
+ * @param {any} section
  * @returns {{index: number, name: string, color: string, path: string, at: {x: number, y: number}, points: number}[]} the largest first
  */
 export function areasOf(section) {
   const areas = new Map();
-  let x = 0,
-    row = 0;
-  for (let i = 0; i + 1 < section.runs.length; i += 2) {
-    const [index, length] = [section.runs[i], section.runs[i + 1]],
-      y = section.rows - 1 - row;
-    if (index > 0) {
-      const area = areas.get(index) ?? { path: [], points: 0, longest: 0, at: { x: 0, y: 0 } };
-      area.path.push(`M${x} ${y}h${length}v1h-${length}z`);
-      area.points += length;
-      if (length > area.longest) {
-        area.longest = length;
-        area.at = { x: x + length / 2, y: y + 0.5 };
-      }
-      areas.set(index, area);
+  for (const { index, x, y, length } of runsOf(section)) {
+    if (index < 0) continue;
+    const area = areas.get(index) ?? { path: [], points: 0, longest: 0, at: { x: 0, y: 0 } };
+    area.path.push(`M${x} ${y}h${length}v1h-${length}z`);
+    area.points += length;
+    if (length > area.longest) {
+      area.longest = length;
+      area.at = { x: x + length / 2, y: y + 0.5 };
     }
-    x += length;
-    if (x >= section.columns) {
-      x = 0;
-      row += 1;
-    }
+    areas.set(index, area);
   }
   return [...areas]
     .map(([index, { path, points, at }]) => {
-      const structure = section.structures[index - 1];
-      return {
-        index: index - 1,
-        name: structure.name,
-        color: structureColor(structure),
-        path: path.join(''),
-        at,
-        points,
-      };
+      const structure = section.structures[index];
+      return { index, name: structure.name, color: structureColor(structure), path: path.join(''), at, points };
     })
     .sort((a, b) => b.points - a.points);
 }
 
-/** Where a point of the profile's frame lies in the cut, and how far before it, in points of the grid. */
-export function inSection(section, p) {
-  const d = ['x', 'y', 'z'].map((axis, i) => (Number(p?.[axis]) || 0) - section.corner_m[i]);
-  const along = (way) => way.reduce((sum, k, i) => sum + k * d[i], 0) / section.point_m;
-  const [a, b] = [section.across, section.upward];
+/**
+ * The place of insertion: the skin in the middle of the cut.
+ * @returns {{u: number, w: number}|undefined} from the upper left corner to the right and down; undefined: no skin there
+ */
+export function entryIn(section) {
+  const middle = section.columns / 2;
+  let top = section.rows;
+  for (const { index, x, y, length } of runsOf(section))
+    if (index >= 0 && x <= middle && middle < x + length) top = Math.min(top, y);
+  return top < section.rows ? { u: middle * section.point_m, w: top * section.point_m } : undefined;
+}
+
+/**
+ * A point of the profile's frame in the cut.
+ * @returns {{u: number, w: number, v: number}} from the upper left corner to the right and down, and behind the cut
+ */
+export function inSection({ corner_m, across, upward, point_m, rows }, p) {
+  const d = ['x', 'y', 'z'].map((axis, i) => (Number(p?.[axis]) || 0) - corner_m[i]);
+  const along = (way) => way.reduce((sum, k, i) => sum + k * d[i], 0);
+  const [a, b] = [across, upward];
   const out = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  return { x: along(a), y: section.rows - along(b), off: along(out) };
+  return { u: along(a), w: rows * point_m - along(b), v: -along(out) };
 }

@@ -2,6 +2,7 @@
 import { indexAt } from './decimate.js';
 import { kMeasures } from './measure_rows.js';
 import { axisOf, depthOf, frameOf, inFrame, placed } from './scene.js';
+import { profileLayers } from './tissue.js';
 
 /** The columns of a reply of /samples by name, whether they are under `columns` or at the top. */
 export function columnsOf(reply) {
@@ -51,7 +52,7 @@ export function intoLimb(placement) {
 /**
  * The tip's path in the frame of its first insertion: the side view's plane holds the skin's normal and the needle.
  * @param {Record<string, number[]>} columns
- * @param {any} profile
+ * @param {any} profile with a limb
  * @param {number[]} [placement]
  */
 export function wayOf(columns, profile, placement) {
@@ -68,8 +69,7 @@ export function wayOf(columns, profile, placement) {
         : { x: 0, y: 0, z: -1 },
     );
   }
-  // of a body only the engine knows the skin
-  const first = profile.limb ? points.findIndex((p) => depth(p) > 0) : (columns.layer ?? []).findIndex((l) => l >= 0);
+  const first = points.findIndex((p) => depth(p) > 0);
   const entry =
     first < 0
       ? Math.max(
@@ -135,25 +135,53 @@ function beginnings(t_s, touches) {
   return found;
 }
 
+/** Hazards of bone, or all others: shapes, and the indices of those that are structures. */
+function hazardsOf(profile, of_bone) {
+  const hazards = (placed(profile).hazards ?? []).filter((h) => (h.kind === 'BONE') === of_bone);
+  const ids = (profile.volume?.structures ?? []).map((s) => s.id);
+  return {
+    shapes: hazards.filter((h) => !h.structure),
+    structures: hazards.filter((h) => h.structure).map((h) => ids.indexOf(h.structure)),
+  };
+}
+
 /** Whether the tip is in bone (a layer or a hazard) at a sample. */
 function inBone(columns, profile, placement) {
   const limb = intoLimb(placement),
-    bones = (placed(profile).hazards ?? []).filter((h) => h.kind === 'BONE');
+    { shapes: bones, structures } = hazardsOf(profile, true),
+    layers = profileLayers(profile);
   return (i) => {
     const layer = columns.layer?.[i];
     if (!(layer >= 0)) return false;
-    if (profile.layers?.[layer]?.tissue === 'BONE') return true;
+    if (layers[layer]?.tissue === 'BONE' || structures.includes(layer)) return true;
     const p = limb({ x: columns.px_m?.[i], y: columns.py_m?.[i], z: columns.pz_m?.[i] });
     return bones.some((h) => segmentDistance(p, h.a_m ?? h.center_m, h.b_m ?? h.center_m) <= h.radius_m);
   };
 }
 
+/**
+ * Whether the needle is in one of the structures at each sample: the shaft is where the tip came in, until it is drawn
+ * back.
+ */
+function needleIn(structures, { layer = [], insertion_m = [] }) {
+  let top_m = Infinity; // insertion at which the tip came in
+  return layer.map((index, i) => {
+    const now_m = insertion_m[i] ?? 0;
+    if (!(index >= 0)) top_m = Infinity;
+    else if (structures.includes(index)) top_m = Math.min(top_m, now_m);
+    else if (now_m < top_m) top_m = Infinity;
+    return now_m >= top_m;
+  });
+}
+
 /** Whether the tip or the shaft in tissue touches a hazard other than bone. */
 function inHazard(columns, profile, placement) {
   const limb = intoLimb(placement),
-    hazards = (placed(profile).hazards ?? []).filter((h) => h.kind !== 'BONE');
+    { shapes: hazards, structures } = hazardsOf(profile, false),
+    in_structure = needleIn(structures, columns);
   return (i) => {
-    if (!(columns.layer?.[i] >= 0) || !columns.qx) return false;
+    if (in_structure[i]) return true;
+    if (hazards.length === 0 || !(columns.layer?.[i] >= 0) || !columns.qx) return false;
     const tip = limb({ x: columns.px_m[i], y: columns.py_m[i], z: columns.pz_m[i] }),
       axis = limb(axisOf(columns.qx[i], columns.qy[i], columns.qz[i], columns.qw[i]), true),
       back_m = columns.insertion_m?.[i] ?? 0;
@@ -218,7 +246,7 @@ export function contactWords(measures, { measure, name, one, more, moments_s: { 
 }
 
 /** Index of the sample at a moment. */
-export const sampleAt = (way, at_s) => indexAt(way.t_s, at_s);
+export const sampleAt = ({ t_s }, at_s) => indexAt(t_s, at_s);
 
 /** @typedef {{at_s: number, playing: boolean, speed: number, from_s: number, to_s: number, wanted_s?: number}} Playback */
 

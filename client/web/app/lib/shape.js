@@ -37,9 +37,21 @@ export const kProfileShape = {
   bone: {},
   hub: {},
   ...sectionsOf('section'),
-  targets: [{ name: 'text', center_m: kVector, radius_m: 'length', tissues: ['text'], anchor: kAnchor }],
+  volume: { structures: [{ id: 'text', layer: { tissue: 'text', name: 'text' } }] },
+  targets: [
+    { name: 'text', center_m: kVector, radius_m: 'length', tissues: ['text'], anchor: kAnchor, structure: 'text' },
+  ],
   hazards: [
-    { name: 'text', kind: 'text', center_m: kVector, a_m: kVector, b_m: kVector, radius_m: 'length', anchor: kAnchor },
+    {
+      name: 'text',
+      kind: 'text',
+      center_m: kVector,
+      a_m: kVector,
+      b_m: kVector,
+      radius_m: 'length',
+      anchor: kAnchor,
+      structure: 'text',
+    },
   ],
   effects: ['text'],
   directions: { plus_x: 'text', minus_x: 'text', plus_y: 'text', minus_y: 'text', plus_z: 'text', minus_z: 'text' },

@@ -17,21 +17,61 @@ const kColors = {
 export const tissueColor = (tissue) => kColors[tissue] ?? kColors.OTHER;
 
 /**
- * The usual names of the layers, from the skin inwards, as in common/profile/layer_names.h (the cases of both:
+ * Colours of a body's structures that no tissue stands for, by the first word that is in their name; any other's. The
+ * windows' table is in client/view/model/body_view.cpp; tests/web/structures.test.mjs compares.
+ */
+export const kNameWords = [
+  ['nerve', '#f2dc3c'],
+  ['plexus', '#f2dc3c'],
+  ['arter', '#d0392b'],
+  ['vein', '#5a79cf'],
+  ['vessel', '#d0392b'],
+  ['cauda', '#f2dc3c'],
+  ['fascia', '#d8cfc0'],
+  ['retinaculum', '#d8cfc0'],
+  ['dura', '#c9b7ce'],
+  ['cerebrospinal', '#a9d3ea'],
+  ['fluid', '#a9d3ea'],
+  ['abdom', '#b98375'],
+  ['viscera', '#b98375'],
+  ['disc', '#b9cbb4'],
+];
+export const kNameless = '#bca99c';
+
+/** @param {{tissue: string, name: string}} structure of a body, with its usual name */
+export const structureColor = ({ tissue, name }) =>
+  tissue === 'OTHER' ? (kNameWords.find(([word]) => name.includes(word))?.[1] ?? kNameless) : tissueColor(tissue);
+
+const list = (value) => (Array.isArray(value) ? value : []);
+const text = (value) => (typeof value === 'string' ? value : '');
+
+/**
+ * What the column `layer` of a recording counts, as in common/profile/layer_names.h: the layers from the skin inwards;
+ * of a body, what each structure is.
+ * @returns {any[]} an item that is being typed may have any type
+ */
+export const profileLayers = (profile) =>
+  profile?.volume ? list(profile.volume.structures).map((s) => s?.layer) : list(profile?.layers);
+
+/** The colours of what `layerNames` names. @returns {string[]} */
+export function layerColors(profile) {
+  const names = layerNames(profile);
+  return profileLayers(profile).map((layer, i) =>
+    profile.volume ? structureColor({ tissue: layer?.tissue, name: names[i] }) : tissueColor(layer?.tissue),
+  );
+}
+
+/**
+ * The usual names of `profileLayers`, as in common/profile/layer_names.h (the cases of both:
  * tests/data/profile/layer_names.json). While a profile is being typed, a tissue may be missing, or a value of any
- * type. Of a volume, its structures: their names, or ids.
+ * type. A structure without a name has its id.
  * @param {{layers?: {tissue?: string, name?: string}[], volume?: {structures?: {id?: string, layer?: {name?: string}}[]}}|null|undefined} profile
  * @returns {string[]}
  */
 export function layerNames(profile) {
-  const text = (value) => (typeof value === 'string' ? value : '');
-  const structures = profile?.volume?.structures;
-  if (Array.isArray(structures)) return structures.map((s) => text(s?.layer?.name) || text(s?.id));
-  const layers = (Array.isArray(profile?.layers) ? profile.layers : []).map((l) => ({
-      name: text(l?.name),
-      tissue: text(l?.tissue),
-    })),
+  const layers = profileLayers(profile).map((l) => ({ name: text(l?.name), tissue: text(l?.tissue) })),
     seen = new Map();
+  if (profile?.volume) return layers.map(({ name }, i) => name || text(profile.volume.structures[i]?.id));
   return layers.map(({ name, tissue }, i) => {
     if (name) return name;
     if (!tissue || tissue === 'OTHER') return `layer ${i + 1}`;

@@ -17,6 +17,7 @@ import { BodyView } from '../ui/body_view.js';
 import { Legend, SideView } from '../ui/section.js';
 import { DirectionFields, Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';
+import { Structures } from '../profile/structures.js';
 import { ForceOverDepth, usePreview } from '../profile/preview.js';
 import { Force, Naming, NeedleFields } from '../profile/sections.js';
 
@@ -211,9 +212,9 @@ export function ProfileEditor({ params, query, person }) {
       </aside>
       <form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
         <${Naming} f=${f} is_new=${!id} />
-        <${Layers} f=${f} />
+        ${profile.volume ? html`<${Structures} f=${f} />` : html`<${Layers} f=${f} />`}
         <${NeedleFields} f=${f} />
-        <${LimbFields} f=${f} />
+        ${!profile.volume && html`<${LimbFields} f=${f} />`}
         <${DirectionFields} f=${f} />
         <${Targets} f=${f} />
         <${Hazards} f=${f} />

@@ -1,4 +1,5 @@
 // Limb, targets and hazards: places in the limb's frame, z out of the body.
+import { hazardAs, hazardForm, structuresOf, targetAs } from '../lib/body.js';
 import { toggled } from '../lib/paths.js';
 import { offsetUnder } from '../lib/scene.js';
 import { layerNames } from '../lib/tissue.js';
@@ -83,7 +84,20 @@ function Remove({ f, list, i, what }) {
   );
 }
 
-/** The layer with which a target or hazard moves; choosing one does not move it. */
+/** The structure that a target or hazard is. @param {{f: any, path: string, none?: string, onValue: (id: string) => void}} props */
+function StructureField({ f, path, none, onValue }) {
+  return html`<${SelectField}
+    label="Structure"
+    path=${`${path}.structure`}
+    problems=${f.problems}
+    value=${f.at(path).structure ?? ''}
+    disabled=${f.readonly}
+    options=${[...(none ? [['', none]] : []), ...structuresOf(f.doc)]}
+    onValue=${onValue}
+  />`;
+}
+
+/** The layer with which a target or hazard moves; choosing one does not move it, but in a body, to its top. */
 function AnchorFields({ f, path }) {
   const anchor = f.at(path)?.anchor;
   const choose = (layer) =>
@@ -124,6 +138,34 @@ function TargetTissues({ f, i, tissues }) {
   </fieldset>`;
 }
 
+export function TargetFields({ f, i, target }) {
+  const path = `targets[${i}]`,
+    is_structure = target.structure !== undefined;
+  return html`
+    <div class="fields">
+      ${f.text(`${path}.name`, 'Name', { required: true })}
+      ${
+        (f.doc.volume || is_structure) &&
+        html`<${StructureField}
+          f=${f}
+          path=${path}
+          none="none: a ball"
+          onValue=${(id) => f.edit(path, (before) => targetAs(id, before))}
+        />`
+      }
+      ${!is_structure && f.number(`${path}.radius_m`, 'Radius')}
+    </div>
+    ${f.vector(`${path}.center_m`, is_structure ? 'Point to aim at' : 'Centre')}
+    ${
+      !is_structure &&
+      html`
+        <${AnchorFields} f=${f} path=${path} />
+        <${TargetTissues} f=${f} i=${i} tissues=${target.tissues ?? []} />
+      `
+    }
+  `;
+}
+
 export function Targets({ f }) {
   const targets = f.doc.targets ?? [];
   return html`<fieldset>
@@ -143,15 +185,7 @@ export function Targets({ f }) {
         ${
           f.faultAt(`targets[${i}]`)
             ? html`<${Broken} f=${f} path=${`targets[${i}]`} />`
-            : html`
-                <div class="fields">
-                  ${f.text(`targets[${i}].name`, 'Name', { required: true })}
-                  ${f.number(`targets[${i}].radius_m`, 'Radius')}
-                </div>
-                ${f.vector(`targets[${i}].center_m`, 'Centre')}
-                <${AnchorFields} f=${f} path=${`targets[${i}]`} />
-                <${TargetTissues} f=${f} i=${i} tissues=${target.tissues ?? []} />
-              `
+            : html`<${TargetFields} f=${f} i=${i} target=${target} />`
         }
       </li>`,
     )}</ul>
@@ -172,45 +206,43 @@ export function Targets({ f }) {
   </fieldset>`;
 }
 
-function HazardFields({ f, i, hazard, onForm }) {
+export function HazardFields({ f, i, hazard }) {
+  const path = `hazards[${i}]`,
+    form = hazardForm(hazard);
+  const first = structuresOf(f.doc)[0]?.[0];
   return html`
     <div class="fields">
-      ${f.text(`hazards[${i}].name`, 'Name', { required: true })}
+      ${f.text(`${path}.name`, 'Name', { required: true })}
       ${f.select(
-        `hazards[${i}].kind`,
+        `${path}.kind`,
         'Kind',
         kHazards.map((k) => [k, words(k)]),
       )}
       <${SelectField}
         label="Form"
-        value=${hazard.a_m ? 'line' : 'ball'}
+        value=${form}
         disabled=${f.readonly}
         options=${[
           ['ball', 'Ball'],
           ['line', 'Line with thickness'],
+          ...(f.doc.volume || form === 'structure' ? [['structure', 'Structure of the body']] : []),
         ]}
-        onValue=${onForm}
+        onValue=${(next) => f.edit(path, (before) => hazardAs(next, before, first))}
       />
-      ${f.number(`hazards[${i}].radius_m`, 'Radius')}
+      ${
+        form === 'structure'
+          ? html`<${StructureField} f=${f} path=${path} onValue=${f.set(`${path}.structure`)} />`
+          : f.number(`${path}.radius_m`, 'Radius')
+      }
     </div>
-    ${
-      hazard.a_m
-        ? html`${f.vector(`hazards[${i}].a_m`, 'From')}${f.vector(`hazards[${i}].b_m`, 'To')}`
-        : f.vector(`hazards[${i}].center_m`, 'Centre')
-    }
-    <${AnchorFields} f=${f} path=${`hazards[${i}]`} />
+    ${form === 'line' && html`${f.vector(`${path}.a_m`, 'From')}${f.vector(`${path}.b_m`, 'To')}`}
+    ${form === 'ball' && f.vector(`${path}.center_m`, 'Centre')}
+    ${form !== 'structure' && html`<${AnchorFields} f=${f} path=${path} />`}
   `;
 }
 
 export function Hazards({ f }) {
   const hazards = f.doc.hazards ?? [];
-  const form = (i) => (value) =>
-    f.edit(`hazards[${i}]`, ({ center_m, a_m, b_m, ...rest }) => {
-      const at = center_m ?? a_m ?? kZero;
-      return value === 'ball'
-        ? { ...rest, center_m: at }
-        : { ...rest, a_m: at, b_m: { ...at, x: (Number(at.x) || 0) + 0.02 } };
-    });
   return html`<fieldset>
     <legend>Hazards</legend>
     <${Broken} f=${f} path="hazards" />
@@ -223,7 +255,7 @@ export function Hazards({ f }) {
         ${
           f.faultAt(`hazards[${i}]`)
             ? html`<${Broken} f=${f} path=${`hazards[${i}]`} />`
-            : html`<${HazardFields} f=${f} i=${i} hazard=${hazard} onForm=${form(i)} />`
+            : html`<${HazardFields} f=${f} i=${i} hazard=${hazard} />`
         }
       </li>`,
     )}</ul>

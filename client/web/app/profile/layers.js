@@ -18,9 +18,9 @@ const kNew = {
 };
 const kPuncture = { linear_n_per_m: 200, quadratic_n_per_m2: 20000, force_n: 0.6 };
 
-function Swatch({ tissue }) {
+export function Swatch({ color }) {
   return html`<svg class="swatch" viewBox="0 0 16 16" aria-hidden="true">
-    <rect width="16" height="16" fill=${tissueColor(tissue)} stroke="#4a5a68" />
+    <rect width="16" height="16" fill=${color} stroke="#4a5a68" />
   </svg>`;
 }
 
@@ -95,7 +95,7 @@ export function Layers({ f }) {
       (layer, i) => html`<li key=${i} class="card" id=${`layer-${i}`} tabindex="-1" onKeyDown=${keys(i)}>
         <div class="card-head">
           <h2>
-            <${Swatch} tissue=${layer.tissue} /> ${i + 1}. ${atStart(names[i])} <span class="unit">${quantity(
+            <${Swatch} color=${tissueColor(layer.tissue)} /> ${i + 1}. ${atStart(names[i])} <span class="unit">${quantity(
               layer.thickness_m,
               'm',
             )}</span>

@@ -59,11 +59,14 @@ export function Force({ f }) {
       );
       if (on && section && f.at(section) === undefined) f.set(section)(begin);
     };
+  const bones = [f.at('volume.structures') ?? []].flat().filter((structure) => structure?.layer?.tissue === 'BONE');
+  const landmarks = [['', 'none'], ...bones.map(({ id, layer }) => [id, layer.name ?? id])];
   const numbersOf = ({ section, title, fields, choice }) => html`<h3>${title}</h3>
     <${Broken} f=${f} path=${section} />
     <div class="fields">
       ${fields.map(([name, label]) => f.number(`${section}.${name}`, label))}
       ${choice && f.select(`${section}.${choice.name}`, choice.label, choice.options)}
+      ${section === 'palpation' && f.select('palpation.landmark', 'Bone to find by feel', landmarks)}
     </div>`;
   return html`<fieldset>
     <legend>Force</legend>

@@ -1,7 +1,7 @@
 // Force, depth and speed over time, with the layers behind them. Dragging zooms in and loads finer samples.
 import { limitsOf } from '../lib/axis.js';
 import { forceOf, layerSpans } from '../lib/recording.js';
-import { kCurves, layerNames, tissueColor } from '../lib/tissue.js';
+import { kCurves, layerColors, layerNames, tissueColor } from '../lib/tissue.js';
 import { atStart, number, quantity as said } from '../lib/units.js';
 import { Chart } from '../ui/chart.js';
 import { html, useMemo } from '../ui/html.js';
@@ -16,12 +16,13 @@ const range = (values) =>
 export function Plots({ columns, profile, requirements, marks, at, seek, window, zoom, busy }) {
   const drawn = useMemo(() => {
     const t = columns.t_s ?? [];
-    const names = layerNames(profile);
+    const names = layerNames(profile),
+      colors = layerColors(profile);
     const bands = layerSpans(columns).map((s) => ({
       from: s.from,
       to: s.to,
       label: atStart(names[s.layer] ?? `layer ${s.layer + 1}`),
-      color: tissueColor(profile?.layers?.[s.layer]?.tissue),
+      color: colors[s.layer] ?? tissueColor(),
     }));
     const plot = (title, unit, quantity, values, curve) => {
       const [low, high] = range(values);

@@ -32,6 +32,53 @@ function Tip({ way, at_s, x, y, second, length_m }) {
   `;
 }
 
+/** The tip's path in a limb. @param {{columns: any, profile: any, placement: number[], at_s: number}} props */
+function Views({ columns, profile, placement, at_s }) {
+  const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
+  const length_m = profile.needle?.length_m ?? 0.05;
+  const half_m = useMemo(
+    () =>
+      Math.max(
+        0.006,
+        ...minMax(
+          way.t_s,
+          way.points.map((p) => Math.hypot(p.u, p.v) * (p.d > -0.005 ? 1 : 0)),
+          200,
+        ).y,
+      ) * 1.3,
+    [way],
+  );
+  const tip =
+    (second) =>
+    ({ x, y }) =>
+      html`<${Tip} way=${way} at_s=${at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
+  return html`
+    <div class="replay-views">
+      <div>
+        <h3>Side view</h3>
+        <${SideView}
+          profile=${profile}
+          frame=${way.frame}
+          to_m=${way.deepest_m * 1.1}
+          label="Side view of the tip's path through the layers"
+          over=${tip('d')}
+        />
+      </div>
+      <div>
+        <h3>From above</h3>
+        <${TopView}
+          profile=${profile}
+          frame=${way.frame}
+          half_m=${half_m}
+          label="View of the tip's path from above"
+          over=${tip('v')}
+        />
+      </div>
+    </div>
+    <${Legend} profile=${profile} path />
+  `;
+}
+
 /** The contacts of one kind, with a button for each moment that is shown. */
 function Contacts({ kind, measures, seek }) {
   const said = contactWords(measures, kind);
@@ -56,20 +103,6 @@ function Contacts({ kind, measures, seek }) {
 export function Replay({ columns, session, contacts, measures, playback, act }) {
   const id = useId();
   const { profile, placement } = session.description;
-  const way = useMemo(() => wayOf(columns, profile, placement), [columns, profile, placement]);
-  const length_m = profile.needle?.length_m ?? 0.05;
-  const half_m = useMemo(
-    () =>
-      Math.max(
-        0.006,
-        ...minMax(
-          way.t_s,
-          way.points.map((p) => Math.hypot(p.u, p.v) * (p.d > -0.005 ? 1 : 0)),
-          200,
-        ).y,
-      ) * 1.3,
-    [way],
-  );
   const force = useMemo(() => forceOf(columns), [columns]);
   const keys = (event) => {
     if (event.target.closest('input, select, button')) return;
@@ -79,43 +112,17 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
     else return;
     event.preventDefault();
   };
-  const i = sampleAt(way, playback.at_s),
+  const i = sampleAt(columns, playback.at_s),
     layer = columns.layer?.[i] ?? -1;
   const name = layerNames(profile)[layer] ?? `layer ${layer + 1}`;
   const where = layer >= 0 ? `in ${name}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
   const place = `${clock(playback.at_s)}: ${where}, ${quantity(force[i], 'N')}`;
-  const tip =
-    (second) =>
-    ({ x, y }) =>
-      html`<${Tip} way=${way} at_s=${playback.at_s} x=${x} y=${y} second=${second} length_m=${length_m} />`;
   return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
     ${
-      profile.volume &&
-      html`<p class="help">This patient is a body: the instructor's window shows the needle in it.</p>`
+      profile.volume
+        ? html`<p class="help">This patient is a body: the instructor's window shows the needle in it.</p>`
+        : html`<${Views} columns=${columns} profile=${profile} placement=${placement} at_s=${playback.at_s} />`
     }
-    <div class="replay-views" hidden=${!!profile.volume}>
-      <div>
-        <h3>Side view</h3>
-        <${SideView}
-          profile=${profile}
-          frame=${way.frame}
-          to_m=${way.deepest_m * 1.1}
-          label="Side view of the tip's path through the layers"
-          over=${tip('d')}
-        />
-      </div>
-      <div>
-        <h3>From above</h3>
-        <${TopView}
-          profile=${profile}
-          frame=${way.frame}
-          half_m=${half_m}
-          label="View of the tip's path from above"
-          over=${tip('v')}
-        />
-      </div>
-    </div>
-    ${!profile.volume && html`<${Legend} profile=${profile} path />`}
     <div class="actions">
       <button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
       <label for=${id}>Moment</label>

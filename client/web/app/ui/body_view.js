@@ -1,75 +1,71 @@
-// A cut through a body, to scale: its structures with their names, and the targets.
-import { areasOf, inSection } from '../lib/body.js';
-import { spread } from '../lib/scene.js';
-import { atStart, quantity } from '../lib/units.js';
+// A cut through a body, to scale: its structures with their names, targets, hazards, the place of insertion.
+import { areasOf, entryIn, inSection, markOf } from '../lib/body.js';
+import { atStart } from '../lib/units.js';
+import { beside, Cut, Entry, kSigns, Ruler, Shapes, shapesOf } from './cut.js';
 import { useWidth } from './hooks.js';
 import { html, useMemo } from './html.js';
 
 const kWidth = 640,
-  kLetter_px = 6.6, // of a name, 12 px high
-  kGap = 17;
+  kLetter_px = 6.6; // of a name, 12 px high
 
 /** @param {{section: any, profile: any, label: string}} props */
-export function BodyView({ section, profile, label }) {
-  const targets = profile.targets ?? [],
-    ids = (profile.volume?.structures ?? []).map((s) => s.id),
-    isTarget = (area) => targets.some((t) => t.structure && t.structure === ids[area.index]);
+export function BodyView(props) {
   const [place, room] = useWidth(kWidth);
-  const areas = useMemo(() => areasOf(section), [section]);
+  const seen = useMemo(() => ({ areas: areasOf(props.section), entry: entryIn(props.section) }), [props.section]);
+  return html`<${BodyDrawing} ...${props} ...${seen} place=${place} room=${room} />`;
+}
+
+/** @param {{section: any, profile: any, label: string, areas: any[], entry: any, place: any, room: number}} props `room`: the width in pixels */
+export function BodyDrawing({ section, profile, label, areas, entry, place, room }) {
+  const marked = areas.map((area) => ({ ...area, mark: markOf(profile, area.index) }));
   const longest = Math.max(0, ...areas.map((area) => area.name.length)),
     width = Math.max(320, room),
     names_px = Math.min(width / 2, 26 + kLetter_px * (longest + 2)),
-    scale = (width - names_px) / section.columns,
-    height = section.rows * scale,
-    edge = section.columns * scale;
-  const labels = areas
-    .map((area) => ({
-      x: area.at.x * scale,
-      y: area.at.y * scale,
-      text: (isTarget(area) ? '◎ ' : '') + atStart(area.name),
-    }))
-    .sort((a, b) => a.y - b.y);
-  const slots = spread(
-    labels.map((l) => l.y),
-    kGap,
-    12,
-    Math.max(height - 6, 12 + kGap * labels.length),
+    edge = width - names_px,
+    point_px = edge / section.columns, // of the grid
+    height = section.rows * point_px,
+    scale = point_px / section.point_m;
+  const names = beside(
+    marked.map(({ at, name, mark }) => ({
+      x: at.x * point_px,
+      y: at.y * point_px,
+      text: (mark ? `${kSigns[mark.kind]} ` : '') + atStart(name),
+    })),
+    height,
   );
-  const px_per_m = scale / section.point_m,
-    ruler_m = 0.01;
-  return html`<svg
-    ref=${place}
-    class="section"
-    viewBox=${`0 0 ${width} ${Math.max(height, slots.at(-1) ?? 0) + 8}`}
-    role="img"
-    aria-label=${label}
-  >
-    <rect class="section-air" x="0" y="0" width=${edge} height=${height} />
-    <g transform=${`scale(${scale})`} shape-rendering="crispEdges">
-      ${areas.map((area) => html`<path d=${area.path} fill=${area.color}><title>${area.name}</title></path>`)}
-    </g>
-    ${targets.map((target) => {
-      if (!target.center_m) return ''; // a structure: its name has a mark
-      const at = inSection(section, target.center_m);
-      return html`<circle
-        class="shape-target"
-        cx=${at.x * scale}
-        cy=${at.y * scale}
-        r=${Math.max(2, Number(target.radius_m) * px_per_m || 0)}
-      >
-        <title>${`target: ${target.name}`}</title>
-      </circle>`;
-    })}
-    ${labels.map(
-      (l, i) => html`
-        <circle class="leader-dot" cx=${l.x} cy=${l.y} r="2" />
-        <polyline class="leader" points=${`${l.x},${l.y} ${edge + 8},${slots[i]} ${edge + 16},${slots[i]}`} />
-        <text x=${edge + 19} y=${slots[i] + 4}>${l.text}</text>
-      `,
-    )}
-    <g class="ruler">
-      <line x1="10" y1=${height - 10} x2=${10 + ruler_m * px_per_m} y2=${height - 10} />
-      <text x="10" y=${height - 15}>${quantity(ruler_m, 'm')}</text>
-    </g>
-  </svg>`;
+  const x = (u) => u * scale;
+  // where a structure is that moves a shape, only the engine knows
+  const still = (regions) => regions?.filter((region) => !region.anchor);
+  const shapes = shapesOf(
+    { targets: still(profile.targets), hazards: still(profile.hazards) },
+    (p) => inSection(section, p),
+    true,
+  );
+  const areaOf = (tissues) =>
+    areas
+      .filter((area) => tissues.includes(area.name))
+      .map((area) => html`<path d=${area.path} transform=${`scale(${point_px})`} />`);
+  const moving = [...(profile.targets ?? []), ...(profile.hazards ?? [])].filter((region) => region.anchor);
+  return html`
+    <${Cut} place=${place} width=${width} height=${height} edge=${edge} names=${names} label=${label}>
+      <clipPath id="section-clip"><rect x="0" y="0" width=${edge} height=${height} /></clipPath>
+      <g clip-path="url(#section-clip)">
+        <g transform=${`scale(${point_px})`} shape-rendering="crispEdges">
+          ${marked.map(
+            ({ path, color, name, mark }) => html`
+              <path d=${path} fill=${color}><title>${name}</title></path>
+              ${mark && html`<path d=${path} class=${`shape-${mark.kind}-area`}><title>${`${mark.kind}: ${mark.name}`}</title></path>`}
+            `,
+          )}
+        </g>
+        <${Shapes} shapes=${shapes} areaOf=${areaOf} x=${x} y=${x} scale=${scale} />
+        ${entry && html`<${Entry} x=${x(entry.u)} y=${x(entry.w)} />`}
+      </g>
+      <${Ruler} length_m=${0.01} scale=${scale} height=${height} />
+    <//>
+    ${
+      moving.length > 0 &&
+      html`<p class="help">Not drawn, because a structure moves it: ${moving.map((region) => region.name).join(', ')}.</p>`
+    }
+  `;
 }

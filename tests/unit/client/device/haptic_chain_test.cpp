@@ -113,6 +113,30 @@ TEST_F(HapticChainTest, inABodyItWaitsForTheGivenMakersPaths) {
   EXPECT_NEAR(tick_.report.depth_m, 0.00799, 1e-6);
 }
 
+TEST_F(HapticChainTest, eachPressOfTheCapButtonSwitchesTheCapOnce) {
+  SceneSpec scene = paperOneDof();
+  scene.effects |= bitOf(Effect::kPalpation);
+  useUsualNumbers(effectEntry(Effect::kPalpation), scene);
+  const SceneModel model = *compile(scene, kChainRate_hz);
+  HapticChain chain(model, DeviceLimits{}, kTool);
+  chain.beginCapped();
+  const auto capped = [&](bool pressed, bool fresh = true) {
+    DeviceReading reading = at(0.01);
+    reading.buttons = pressed ? 1u << kCapButton | 1u : 1u;
+    chain.tick(reading, fresh, 1, 1.0, tick_);
+    return (tick_.report.flags & kFlagCapped) != 0;
+  };
+  EXPECT_TRUE(capped(false));
+  EXPECT_FALSE(capped(true));
+  EXPECT_FALSE(capped(true)) << "held";
+  capped(false, false);  // no reading, no release
+  EXPECT_FALSE(capped(true));
+  EXPECT_FALSE(capped(false));
+  EXPECT_TRUE(capped(true));
+  chain.switchCap();
+  EXPECT_FALSE(capped(true)) << "as a key does";
+}
+
 TEST_F(HapticChainTest, onlyTheAskedShareIsRendered) {
   insert(1000);
   chain_.tick(at(0.002 - 1e-5 * 1000), true, 1, 0.5, tick_);

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <utility>
@@ -15,10 +16,12 @@
 #include "common/anatomy/march.h"
 #include "common/base/files/files.h"
 #include "common/haptics/body/body_engine.h"
+#include "common/haptics/surface.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/volume.h"
 #include "common/profile/warnings.h"
+#include "tests/support/random.h"
 
 namespace needlelab {
 namespace {
@@ -186,6 +189,68 @@ TEST(VolumePatients, aNeedleOnThePlannedPathFeelsTheirLayersTwiceAlike) {
     EXPECT_EQ(once.hash, again.hash);
     EXPECT_EQ(once.peak_N, again.peak_N);
   }
+}
+
+/// Makes no path: palpation needs none.
+class PathlessMaker final : public PathMaker {
+ public:
+  void ask(const PathAsk& /*ask*/) noexcept override {}
+  bool take(PathStack*& /*made*/) noexcept override { return false; }
+  void retire(PathStack* /*path*/) noexcept override {}
+};
+
+// A capped tip comes down at random places, slides to and fro up to 12 mm deep, over edges of bone and
+// valleys of skin, and lifts: no tick steps by more than FORCE_MODEL.md says, and the hand gets back no more
+// than it gave.
+TEST(VolumePatients, aCappedTipThatSlidesOverThemIsSmoothAndPassive) {
+  constexpr double kLoop_hz = 1000, kFall_m = 0.020 / kLoop_hz;
+  constexpr int kSlideTicks = 4000, kSlides = 4;
+  double most_N = 0;
+  for (const Patient& patient : patients()) {
+    SCOPED_TRACE(patient.profile.id());
+    SceneSpec scene = *sceneSpecOf(patient.profile);
+    scene.max_force_N = 50;
+    const auto model = std::make_unique<SceneModel>(*compile(scene, kLoop_hz));
+    const pb::Palpation& numbers = patient.profile.palpation();
+    const double ks = numbers.skin_stiffness_n_per_m(), kp = numbers.bone_stiffness_n_per_m(),
+                 mu = numbers.friction_coefficient();
+    test::Random random(7);
+    for (int slide = 0; slide < kSlides; ++slide) {
+      PathlessMaker paths;
+      SceneEngine engine(*model, &paths);
+      engine.wantCap(true);
+      const Vec3 over =
+          nearestSkin(scene.limb, {random.in(-0.04, 0.04), random.in(-0.04, 0.04), 0}, {0, 0, -1});
+      const Vec3 out = surfaceNormal(scene.limb, over, {0, 0, -1});
+      const Vec3 side = normalized(cross(out, std::fabs(out.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0})),
+                 other = cross(out, side);
+      const double phase[] = {random.in(0, 6), random.in(0, 6), random.in(0, 6)};
+      Vec3 tip_before, force_before;
+      double given_J = 0;
+      for (int k = 0; k < kSlideTicks; ++k) {
+        const double t_s = k / kLoop_hz, share = std::sin(std::numbers::pi * k / (kSlideTicks - 1));
+        const double deep_m = 0.006 + 0.006 * std::sin(3 * t_s + phase[2]);
+        const Vec3 tip = over + side * (0.02 * share * std::sin(2.5 * t_s + phase[0])) +
+                         other * (0.02 * share * std::sin(1.7 * t_s + phase[1])) +
+                         out * (0.012 * (1 - share) - share * deep_m);
+        StepReport report;
+        engine.step({tip, {1, 0, 0, 0}}, report);
+        const Vec3 force = report.wrench_W.force_N;
+        if (k > 0) {
+          const double way_m = norm(tip - tip_before);
+          ASSERT_LE(norm(force - force_before), ks * (std::sqrt(2 + mu * mu) * way_m + kFall_m) +
+                                                    kp * (std::sqrt(2.0) * way_m + kFall_m) + 1e-6)
+              << slide << ", tick " << k;
+          given_J -= 0.5 * dot(force + force_before, tip - tip_before);
+          ASSERT_GT(given_J, -2e-6) << slide << ", tick " << k;
+        }
+        most_N = std::max(most_N, norm(force));
+        tip_before = tip;
+        force_before = force;
+      }
+    }
+  }
+  EXPECT_GT(most_N, 6) << "bone is felt";
 }
 
 TEST(VolumePatients, wrongPathsMeetWhatTheyName) {

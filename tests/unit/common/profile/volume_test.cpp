@@ -267,6 +267,26 @@ TEST_P(VolumePlaceFault, isNamed) {
 INSTANTIATE_TEST_SUITE_P(Checks, VolumePlaceFault, testing::ValuesIn(kPlaceFaults),
                          [](const auto& test) { return test.param.name; });
 
+TEST(ProfileVolume, aLandmarkIsOneOfItsBones) {
+  const auto faultOf = [](nlohmann::json tree, const char* landmark) {
+    tree["palpation"] = {{"skin_stiffness_n_per_m", 300},
+                         {"bone_stiffness_n_per_m", 600},
+                         {"friction_coefficient", 0.3},
+                         {"radius_m", 0.003},
+                         {"landmark", landmark}};
+    const auto profile = parseProfile(tree.dump(), "ball");
+    return profile.ok() ? std::string() : profile.error().message;
+  };
+  nlohmann::json tree = test::withCyst();
+  EXPECT_EQ(faultOf(tree, "cyst"),
+            "ball: palpation.landmark: \"cyst\" is not a bone of the volume: it has none");
+  tree["volume"]["structures"].back()["layer"]["tissue"] = "BONE";
+  EXPECT_EQ(faultOf(tree, "cyst"), "");
+  EXPECT_EQ(faultOf(tree, "fat"), "ball: palpation.landmark: \"fat\" is not a bone of the volume: cyst");
+  EXPECT_EQ(faultOf(test::ballOfLayers(), "fat"),
+            "ball: palpation.landmark: needs a volume, and the profile has layers, which have no landmark");
+}
+
 TEST(ProfileVolume, isNeededForATargetThatIsAStructure) {
   nlohmann::json tree = test::ballOfLayers();
   tree["targets"] = nlohmann::json::parse(R"([{"name": "t", "structure": "fat"}])");

@@ -117,7 +117,7 @@ TEST(StationSummary, showsTheRenderedStiffnessNextToTheScore) {
   s.stiffness_share = 0.55;
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
   EXPECT_THAT(summaryText(s),
-              HasSubstr("stiffness    Fixture, bone and orientation limit were rendered at 55 %"));
+              HasSubstr("stiffness    Fixture, bone, palpation and orientation limit were rendered at 55 %"));
   s.left_out = bitOf(Effect::kBone);
   EXPECT_THAT(summaryText(s), HasSubstr("stiffness    Bone was left out"));
 }

@@ -1,4 +1,4 @@
-/// A body in the scene renderer: its cut, glass and closed skin, shadow, cone; kept parts leave nothing
+/// A body in the scene renderer: its cut, glass and closed skin, shadow, cap; kept parts leave nothing
 /// behind.
 #include <gtest/gtest.h>
 
@@ -149,20 +149,25 @@ TEST_F(BodyDrawingTest, aRestAfterTurningGivesTheFinePictureAgain) {
   EXPECT_LT(test::shareThatDiffers(pictureOf(*renderer_, frame), before, 2), 1e-4);
 }
 
-TEST_F(BodyDrawingTest, theConeOfAnglesIsShownOnlyOnRequest) {
-  SceneFrame frame = frameAt(0.01);
+TEST_F(BodyDrawingTest, aCapIsYellowAndComesOffWithoutAMove) {
+  SceneView palpable = *scene_;
+  palpable.cap_radius_m = 0.003;
+  renderer_->setScene(std::make_shared<const SceneView>(palpable));
+  SceneFrame frame = frameAt(-0.01);
   frame.show_hand = false;
-  const RgbaImage usual = pictureOf(*renderer_, frame);
-  frame.show_cone = true;
-  const RgbaImage cone = pictureOf(*renderer_, frame);
-  const auto beside = frame.camera.project(
-      frame.moment.p_entry_W_m - frame.moment.u_W * 0.025 + frame.camera.right_W() * 0.005, kWide, kHigh);
-  ASSERT_TRUE(beside);
-  const auto greenness = [&](const RgbaImage& picture) {
-    const test::MeanColour seen = test::meanAround(picture, beside->x_px, beside->y_px, 1);
-    return seen.green - seen.red;
+  const RgbaImage bare = pictureOf(*renderer_, frame);
+  frame.moment.flags |= kFlagCapped;
+  const RgbaImage capped = pictureOf(*renderer_, frame);
+  const Vec3 axis_W = zAxis(frame.moment.q_WT);
+  const auto at = frame.camera.project(frame.moment.p_WT_m - axis_W * 0.008, kWide, kHigh);
+  ASSERT_TRUE(at);
+  const auto yellowness = [&](const RgbaImage& picture) {
+    const test::MeanColour seen = test::meanAround(picture, at->x_px, at->y_px, 1);
+    return 0.5 * (seen.red + seen.green) - seen.blue;
   };
-  EXPECT_GT(greenness(cone), greenness(usual) + 8);
+  EXPECT_GT(yellowness(capped), yellowness(bare) + 30);
+  frame.moment.flags &= ~std::uint32_t{kFlagCapped};
+  EXPECT_LT(test::shareThatDiffers(pictureOf(*renderer_, frame), bare, 2), 1e-4);
 }
 
 TEST_F(BodyDrawingTest, looksAsItsReferences) {

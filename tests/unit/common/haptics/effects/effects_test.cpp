@@ -9,6 +9,7 @@
 #include <set>
 
 #include "common/haptics/effects/effect_entry.h"
+#include "tests/support/sanitized.h"
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
@@ -44,6 +45,9 @@ Motion theMotion() {
   return joined(motion, randomGesture(21, 1000, defaultSite(), range));
 }
 
+// a sanitizer sees every effect and every pair in a part of the sets
+constexpr EffectMask kStep = kSanitized ? 11 : 1;
+
 std::vector<StepReport> runWith(EffectMask mask, const Motion& motion) {
   EngineRun run(withEffects(fullScene(), mask), 1000);
   return run.run(motion);
@@ -57,7 +61,7 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
     if (fresh) at->second = runWith(mask, motion);
     return at->second;
   };
-  for (EffectMask mask = 0; mask <= kAllEffects; ++mask) {
+  for (EffectMask mask = 0; mask <= kNeedleEffects; mask += kStep) {
     const auto& all = part(mask);
     // cutting and attracted share a wall; membranes restrain both walls; the memory of the cut opens
     // membranes and moves the cutting wall; no other effects interact
@@ -85,7 +89,7 @@ TEST(Effects, everyCombinationIsTheSumOfItsParts) {
 
 TEST(Effects, whatIsNotLiveGivesZero) {
   const Motion motion = theMotion();
-  for (EffectMask mask = 0; mask <= kAllEffects; ++mask)
+  for (EffectMask mask = 0; mask <= kNeedleEffects; mask += kStep)
     for (const StepReport& report : runWith(mask, motion)) {
       if (!(mask & kC)) {
         ASSERT_EQ(report.cutting_N, 0.0);
@@ -163,7 +167,7 @@ TEST(Effects, oneNumberInOneLayerIsEnoughToBeLive) {
 }
 
 TEST(Effects, whatIsNotListedIsNotLiveThoughItHasNumbers) {
-  for (EffectMask mask = 0; mask <= kAllEffects; ++mask)
+  for (EffectMask mask = 0; mask <= kNeedleEffects; mask += kStep)
     EXPECT_EQ(compiled(withEffects(fullScene(), mask), 1000).live, mask);
 }
 
@@ -209,7 +213,9 @@ TEST(EffectEntries, haveDistinctNamesTermsAndPlaces) {
     EXPECT_TRUE(places.insert(entry.place).second) << entry.name << " is shown where another one is";
     EXPECT_EQ(entry.value == nullptr, entry.effect == Effect::kCutMemory)
         << entry.name << ": without a term it acts on the others' terms";
-    EXPECT_EQ(entry.stage != nullptr, !isPlaced(entry.effect) && entry.effect != Effect::kHub) << entry.name;
+    EXPECT_EQ(entry.stage != nullptr,
+              !isPlaced(entry.effect) && entry.effect != Effect::kHub && entry.effect != Effect::kPalpation)
+        << entry.name;
     for (const EffectField& field : entry.fields)
       EXPECT_TRUE(field.range.contains(field.begins_with)) << entry.name << "." << field.name;
   }

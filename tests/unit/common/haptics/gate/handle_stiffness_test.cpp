@@ -157,12 +157,14 @@ TEST(LowerStiffness, allOfItChangesNothing) {
 
 TEST(StiffnessShareText, namesTheReductionInTheProfilesTerms) {
   EXPECT_EQ(stiffnessShareText(1, 0), "");
-  EXPECT_EQ(stiffnessShareText(0.551, 0),
-            "Fixture, bone and orientation limit were rendered at 55 % of the profile's stiffness. This "
-            "device and tool cannot hold more.");
-  EXPECT_EQ(stiffnessShareText(0.551, bitOf(Effect::kBone)),
-            "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture and orientation "
-            "limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.");
+  EXPECT_EQ(
+      stiffnessShareText(0.551, 0),
+      "Fixture, bone, palpation and orientation limit were rendered at 55 % of the profile's stiffness. This "
+      "device and tool cannot hold more.");
+  EXPECT_EQ(
+      stiffnessShareText(0.551, bitOf(Effect::kBone)),
+      "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture, palpation and orientation "
+      "limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.");
   EXPECT_EQ(stiffnessShareText(1, bitOf(Effect::kBone)),
             "Bone was left out: the needle cut it as it cuts a layer of tissue. This device and tool cannot "
             "hold more.");

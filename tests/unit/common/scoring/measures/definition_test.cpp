@@ -104,7 +104,9 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
                                 {5, 0x4dd8381adb1a80e9},
                                 {6, 0x72c3c92e5b005096},
                                 // the profile's targets name no tissues
-                                {7, 0x72c3c92e5b005096}};
+                                {7, 0x72c3c92e5b005096},
+                                // the profile has no landmark
+                                {8, 0x72c3c92e5b005096}};
   if (std::getenv("NEEDLELAB_WRITE_GESTURES") != nullptr) {
     for (int i = 1; i <= kGoldenGestures; ++i) {
       auto writer = RecordingWriter::create(golden(i), "{}");

@@ -8,6 +8,7 @@
 
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
+#include "tests/support/anatomy/ball_profiles.h"
 #include "tests/unit/common/scoring/gestures.h"
 
 namespace needlelab {
@@ -452,6 +453,29 @@ TEST(Score, randomBitsGiveOnlyFiniteNumbers) {
   }
 }
 
+// A ball of bone, its top 16 mm below the skin; the cap is 3 mm thick.
+TEST(Landmark, isFoundWhenTheCappedTipIsTheCapsRadiusFromIt) {
+  nlohmann::json tree = test::withCyst();
+  tree["volume"]["structures"].back()["layer"]["tissue"] = "BONE";
+  tree["targets"] = tree["hazards"] = nlohmann::json::array();
+  tree["palpation"] = {{"skin_stiffness_n_per_m", 300},
+                       {"bone_stiffness_n_per_m", 600},
+                       {"friction_coefficient", 0.3},
+                       {"radius_m", 0.003},
+                       {"landmark", "cyst"}};
+  const pb::Profile profile = test::readProfile(tree);
+  const auto never = gesture(1000, 2, [](double t, GestureSample& s) {
+    setTip(s, {test::kCyst_m.x, test::kCyst_m.y, -0.0065 * t});
+    s.flags |= kFlagCapped;
+  });
+  EXPECT_EQ(find(scoreGesture(never, 1000, profile, {}), "landmark_s"), nullptr) << "13 mm are not reached";
+  const auto late = gesture(1000, 3, [](double t, GestureSample& s) {
+    setTip(s, {test::kCyst_m.x, test::kCyst_m.y, t < 1 ? -0.02 : 0.01 - 0.02 * (t - 1)});
+    if (t >= 1) s.flags |= kFlagCapped;  // the first second without the cap does not count
+  });
+  EXPECT_NEAR(valueOf(scoreGesture(late, 1000, profile, {}), "landmark_s"), 1 + 0.023 / 0.02, 1.1e-3);
+}
+
 TEST(Score, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.001);
@@ -465,8 +489,8 @@ TEST(Score, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
   pb::Exercise exercise;  // without a plan there are no errors relative to one
   exercise.mutable_plan()->mutable_direction()->set_z(-1);
   const auto score = scoreGesture(samples, 1000, profile, {}, &exercise);
-  EXPECT_EQ(score.size(), measureKinds().size() - 3 + 3 + 3)
-      << "all but the distance from references; the two forces of three layers each";
+  EXPECT_EQ(score.size(), measureKinds().size() - 4 + 3 + 3)
+      << "all but the distance from references and the time to the landmark; the two forces of three layers each";
   std::vector<std::string> names;
   for (const Measure& measure : score) {
     EXPECT_TRUE(isMeasureName(measure.name)) << measure.name;

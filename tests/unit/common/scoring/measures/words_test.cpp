@@ -120,6 +120,7 @@ TEST(MissingMeasures, areExplained) {
         Gap{"peak_force_layer_7_n", true, false, true, "The needle was not in layer 7."},
         Gap{"sparc", true, false, true, "The needle hardly moved."},
         Gap{"dtw_distance_m", false, false, true, never},
+        Gap{"landmark_s", true, false, true, "The patient has no landmark."},
         Gap{"dtw_distance_m", true, false, true, "There is no reference gesture to compare with."}}) {
     pb::Profile profile = halfSpace();
     if (gap.has_target) addTarget(profile, {0, 0, -0.024}, 0.002);

@@ -59,6 +59,30 @@ TEST(MemoryFollower, aFaultEndsAnInsertionThroughTheLimb) {
   }
 }
 
+// A press beyond the ball's radius is no insertion, and leaves no cut.
+TEST(MemoryFollower, aCappedPressIsNoInsertion) {
+  SceneSpec scene = rememberingScene();
+  scene.effects |= bitOf(Effect::kPalpation);
+  useUsualNumbers(effectEntry(Effect::kPalpation), scene);
+  const auto model = std::make_unique<SceneModel>(*compile(scene, 1000));
+  const Site site = defaultSite();
+  for (const bool capped : {true, false}) {
+    MemoryFollower follower(*model);
+    std::uint64_t tick = 0;
+    const auto go = [&](double deep_m) {
+      GestureSample sample =
+          storedSample(tick++, {site.p_surface_m + site.inward * deep_m, orientationAlong(site.inward)}, {});
+      sample.flags |= capped ? std::uint32_t{kFlagCapped} : 0u;
+      follower.follow(sample);
+    };
+    for (int k = -200; k <= 200; ++k) go(1e-4 * k);
+    for (int k = 200; k >= -200; --k) go(1e-4 * k);
+    const auto cuts = decodeCuts(follower.cuts());
+    ASSERT_TRUE(cuts);
+    EXPECT_EQ(cuts->insertions, capped ? 0u : 1u);
+  }
+}
+
 TEST(MemoryFollower, reportsCutsAtEachExitAndOnceASecondOutside) {
   const auto model = std::make_unique<SceneModel>(*compile(rememberingScene(), 1000));
   const auto engine = std::make_unique<SimState>();

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <string>
 
-#include "common/haptics/effects/bone_contact.h"
 #include "common/haptics/spec_checker.h"
 #include "common/haptics/state_hash.h"
 #include "common/haptics/surface.h"
+#include "common/haptics/touch/bone_contact.h"
 
 namespace needlelab {
 namespace {
@@ -32,21 +32,22 @@ double belowBonePlane(const SceneModel& model, Vec3 p_W_m) {
 
 // the outermost layer of bone
 struct BoneLayer {
+  const SceneModel& model;
   static constexpr bool kIsConvex = true;
 
   // a slanting bone ends at the skin
-  static double depth(const SceneModel& model, Vec3 p_W_m) {
+  [[nodiscard]] double depth(Vec3 p_W_m) const {
     if (model.bone_is_plane) return std::min(belowBonePlane(model, p_W_m), depthIn(model, p_W_m));
     return depthIn(model, p_W_m) - model.bone_top_m;
   }
 
   // at a centre, against `motion`
-  static Vec3 normal(const SceneModel& model, Vec3 p_W_m, Vec3 motion) {
+  [[nodiscard]] Vec3 normal(Vec3 p_W_m, Vec3 motion) const {
     if (!model.bone_is_plane) return surfaceNormal(model.limb, p_W_m, motion);
     return belowBonePlane(model, p_W_m) <= depthIn(model, p_W_m) ? model.bone_normal : model.plane_normal;
   }
 
-  static bool meets(const SceneModel& model, Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) {
+  bool meets(Vec3 from_W_m, Vec3 to_W_m, Vec3& at_W_m) const {
     const Vec3 way = to_W_m - from_W_m;
     if (model.bone_is_plane) {
       const double gap_m = std::max(0.0, -belowBonePlane(model, from_W_m));
@@ -54,7 +55,7 @@ struct BoneLayer {
       if (end_gap_m < 0.0) at_W_m = from_W_m + way * (gap_m / (gap_m - end_gap_m));
       return end_gap_m < 0.0;
     }
-    const double gap_m = std::max(0.0, -depth(model, from_W_m)), end_gap_m = -depth(model, to_W_m);
+    const double gap_m = std::max(0.0, -depth(from_W_m)), end_gap_m = -depth(to_W_m);
     const double length_m = norm(way);
     if (gap_m + end_gap_m > length_m) return false;  // no point in between reaches the bone
     // a round bone may be left again within the path: advance each time by a distance that cannot contain
@@ -62,7 +63,7 @@ struct BoneLayer {
     double gone_m = gap_m;
     for (int i = 0; i < kMaxSteps && gone_m < length_m; ++i) {
       at_W_m = from_W_m + way * (gone_m / length_m);
-      const double left_m = -depth(model, at_W_m);
+      const double left_m = -depth(at_W_m);
       if (left_m < 0.0) return true;
       gone_m += std::max(left_m, length_m / kMaxSteps);
     }
@@ -117,7 +118,8 @@ double stifferThanTissue(const SceneModel& model) {
   if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))
     tissue_N_per_m += model.axial_stiffness_N_per_m;
   for (const EffectEntry* entry : effectEntries())
-    if (entry->effect != Effect::kBone && entry->stiffness_N_per_m != nullptr && model.isLive(entry->effect))
+    if (entry->effect != Effect::kBone && entry->effect != Effect::kPalpation &&
+        entry->stiffness_N_per_m != nullptr && model.isLive(entry->effect))
       tissue_N_per_m += entry->stiffness_N_per_m(model);
   return std::max(0.0, model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] - tissue_N_per_m);
 }

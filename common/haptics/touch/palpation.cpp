@@ -1,0 +1,289 @@
+/// PALPATION: two proxies join springs to the tip. One stays on the skin, as far out as the ball is thick,
+/// and sticks to it by friction; the other slides on the bones, without friction. Energy: each proxy moves
+/// only if that shortens its spring, so neither gives back more than it took.
+#include "common/haptics/touch/palpation.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+#include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/spec_checker.h"
+#include "common/haptics/state_hash.h"
+#include "common/haptics/surface.h"
+#include "common/haptics/tick.h"
+#include "common/haptics/touch/touching_planes.h"
+
+namespace needlelab {
+namespace {
+
+using namespace proxy_contact;
+
+constexpr std::size_t kPalpationOwn = stageOf(Effect::kPalpation);
+/// Among the numbers for the tick, in shells: the depth of the outermost bone, infinite if there is none; and
+/// under a plane its unit normal, out of the bone.
+constexpr std::size_t kBoneDepth_m = 4, kBoneNormal = 5;
+/// Bones this much farther away than the ball's surface are looked at, too.
+constexpr double kBonesWithin_m = 0.010;
+/// A proxy that slides into a hollow of a bone may come this deep below the plane that touches it there.
+constexpr double kInBone_m = 2e-4;
+/// A body's depth is not exact where parts of the skin blend, but less wrong than this: nearer than that, the
+/// skin is looked for.
+constexpr double kInexact_m = 0.001;
+
+const StageNumbers& numbersOf(const SceneModel& scene) {
+  return scene.stage_numbers[kPalpationOwn];
+}
+
+template <std::size_t kIndex>
+double& palpationNumber(SceneSpec& spec) {
+  return spec.stage_numbers[kPalpationOwn][kIndex];
+}
+
+constexpr std::array<EffectField, 4> kPalpationFields = {
+    {{"skin_stiffness_n_per_m", "Stiffness of skin and soft tissue under the cap", kStiffness, 300,
+      palpationNumber<kPalpationSkin_N_per_m>},
+     {"bone_stiffness_n_per_m", "Stiffness that bone adds", kStiffness, 600,
+      palpationNumber<kPalpationBone_N_per_m>},
+     {"friction_coefficient",
+      "Friction of the cap on the skin",
+      {0, 2},
+      0.3,
+      palpationNumber<kPalpationFriction>},
+     {"radius_m", "Radius of the capped tip", {0, 0.02, true}, 0.003, palpationNumber<kPalpationRadius_m>}}};
+
+double stiffnessOf(const StageNumbers& numbers) {
+  return numbers[kPalpationSkin_N_per_m] + numbers[kPalpationBone_N_per_m];
+}
+
+// capped, the needle's other effects do not act: only what exceeds them is added
+double addedAlong(const SceneModel& model) {
+  double others_N_per_m = 0;
+  if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))
+    others_N_per_m += model.axial_stiffness_N_per_m;
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->effect != Effect::kPalpation && entry->stiffness_N_per_m != nullptr &&
+        model.isLive(entry->effect))
+      others_N_per_m += entry->stiffness_N_per_m(model);
+  return std::max(0.0, stiffnessOf(numbersOf(model)) - others_N_per_m);
+}
+
+double addedAcross(const SceneSpec& spec) {
+  double others_N_per_m = 0;
+  for (const EffectEntry* entry : effectEntries())
+    if (entry->effect != Effect::kPalpation && entry->on_device.across_N_per_m != nullptr &&
+        (spec.effects & bitOf(entry->effect)) != 0)
+      others_N_per_m += entry->on_device.across_N_per_m(spec);
+  return std::max(0.0, stiffnessOf(spec.stage_numbers[kPalpationOwn]) - others_N_per_m);
+}
+
+void compilePalpation(const SceneSpec& spec, SceneModel& model) {
+  StageNumbers& numbers = model.stage_numbers[kPalpationOwn];
+  numbers[kBoneDepth_m] = std::numeric_limits<double>::infinity();
+  double top_m = 0;
+  for (const LayerSpec& layer : spec.layers) {
+    if (layer.is_bone) {
+      numbers[kBoneDepth_m] = top_m;
+      break;
+    }
+    top_m += layer.thickness_m;
+  }
+  const Vec3 normal = spec.bone_normal ? normalized(*spec.bone_normal) : model.plane_normal;
+  numbers[kBoneNormal] = normal.x;
+  numbers[kBoneNormal + 1] = normal.y;
+  numbers[kBoneNormal + 2] = normal.z;
+}
+
+// shells: the outermost layer of bone; one that slants ends at the skin
+BonesNear boneOfShells(const SceneModel& scene, Vec3 p_W_m, Vec3 motion) {
+  const StageNumbers& numbers = numbersOf(scene);
+  const double top_m = numbers[kBoneDepth_m], depth_m = signedDepth(scene.limb, p_W_m);
+  BonesNear near;
+  if (!std::isfinite(top_m)) return near;
+  near.count = 1;
+  if (!scene.is_plane) {
+    const Vec3 normal = surfaceNormal(scene.limb, p_W_m, motion);
+    near.planes[0] = {p_W_m - normal * (top_m - depth_m), normal, 0};
+    return near;
+  }
+  const BonePlane bone{scene.plane_point_m - scene.plane_normal * top_m,
+                       {numbers[kBoneNormal], numbers[kBoneNormal + 1], numbers[kBoneNormal + 2]},
+                       0};
+  const bool in_skin = TouchingPlanes::below(bone, p_W_m) <= depth_m;
+  near.planes[0] = in_skin ? bone : BonePlane{scene.plane_point_m, scene.plane_normal, 0};
+  return near;
+}
+
+// The bones near a place, as planes that stop the ball's centre. A plane that touches a bone behind a corner
+// may lie over the place, though the bone does not: one that is more than `most_m` above it does not count.
+BonesNear bonesUnderBall(const SceneModel& scene, Vec3 p_W_m, Vec3 motion, double most_m) {
+  const double radius_m = numbersOf(scene)[kPalpationRadius_m];
+  const auto* const body = std::get_if<BodyLimb>(&scene.limb);
+  const BonesNear all = body != nullptr ? bonesNear(*body, p_W_m, radius_m + kBonesWithin_m)
+                                        : boneOfShells(scene, p_W_m, motion);
+  BonesNear near;
+  for (std::size_t i = 0; i < all.count; ++i) {
+    BonePlane plane = all.planes[i];
+    plane.point_m = plane.point_m + plane.normal * radius_m;
+    if (!(TouchingPlanes::below(plane, p_W_m) > most_m)) near.planes[near.count++] = plane;
+  }
+  return near;
+}
+
+// lets go of a surface that the tip has left: the spring shortens to nothing, within `most_m` at once
+void release(Vec3 tip_W_m, double most_m, ProxyContact& contact) {
+  const Vec3 to_tip = tip_W_m - contact.p_proxy_W_m;
+  const double share = shareWithin(-to_tip - contact.stretch_W_m, to_tip, most_m);
+  contact.p_proxy_W_m = contact.p_proxy_W_m + to_tip * share;
+  if (!(share < 1.0)) contact = {};
+}
+
+// How far the ball is in the skin, along the normal of the nearest place.
+struct Pressed {
+  double depth_m = 0;
+  Vec3 normal_W;
+};
+Pressed pressedBy(const SceneModel& scene, Vec3 tip_W_m, double depth_m, Vec3 motion) {
+  const double radius_m = numbersOf(scene)[kPalpationRadius_m];
+  if (!(depth_m + radius_m > -kInexact_m)) return {depth_m + radius_m, {}};
+  const Vec3 at_W_m = nearestSkin(scene.limb, tip_W_m, motion);
+  const Vec3 normal_W = surfaceNormal(scene.limb, at_W_m, motion);
+  return {dot(normal_W, at_W_m - tip_W_m) + radius_m, normal_W};
+}
+
+void touchSkin(const SceneModel& scene, Vec3 tip_W_m, Vec3 motion, const Pressed& pressed,
+               ProxyContact& skin) {
+  const double friction = numbersOf(scene)[kPalpationFriction];
+  const double most_m = mostChange(friction, scene.period_s, norm(motion));
+  if (!(pressed.depth_m > 0.0)) {
+    if (skin.touching) release(tip_W_m, most_m, skin);
+  } else {
+    // straight out of the skin; a proxy that sticks is at most the cone's radius from there
+    const Vec3 out_W_m = tip_W_m + pressed.normal_W * pressed.depth_m;
+    if (!skin.touching) skin.p_proxy_W_m = out_W_m;
+    const Vec3 stretch = skin.p_proxy_W_m - tip_W_m, slide = out_W_m - skin.p_proxy_W_m;
+    const double slide_m = norm(slide), sticks_m = friction * pressed.depth_m;
+    if (slide_m > sticks_m) {
+      Vec3 move = slide * (1.0 - sticks_m / slide_m);
+      move = move * shareWithin(stretch - skin.stretch_W_m, move, most_m);
+      if (normSquared(stretch + move) < normSquared(stretch)) skin.p_proxy_W_m = skin.p_proxy_W_m + move;
+    }
+    skin.touching = true;
+  }
+  if (skin.touching) skin.stretch_W_m = skin.p_proxy_W_m - tip_W_m;
+}
+
+void touchBones(const SceneModel& scene, Vec3 tip_W_m, Vec3 motion, ProxyContact& bone) {
+  const double most_m = mostChange(0.0, scene.period_s, norm(motion));
+  const BonesNear near = bone.touching ? bonesUnderBall(scene, bone.p_proxy_W_m, motion, kInBone_m)
+                                       : bonesUnderBall(scene, tip_W_m, motion, most_m);
+  if (near.count == 0) {
+    if (bone.touching) release(tip_W_m, most_m, bone);
+  } else {
+    const TouchingPlanes surface{{near.planes.data(), near.count}};
+    if (!bone.touching) {
+      if (!(surface.depth(tip_W_m) > 0.0)) return;
+      bone.p_proxy_W_m = onto(surface, tip_W_m, surface.normal(tip_W_m, motion));
+      bone.touching = true;
+    } else {
+      bone.touching = followTip(surface, 0.0, tip_W_m, most_m, bone);
+      if (!bone.touching) bone = {};
+    }
+  }
+  if (bone.touching) bone.stretch_W_m = bone.p_proxy_W_m - tip_W_m;
+}
+
+void hashPalpation(const SimState& state, StateHash& hash) {
+  const Palpation& now = state.palpation;
+  if (!now.capped) return;
+  hash.add(std::uint64_t{now.clear} << 1 | std::uint64_t{now.skin.touching} << 2 |
+           std::uint64_t{now.bone.touching} << 3);
+  for (const Vec3 v :
+       {now.skin.p_proxy_W_m, now.skin.stretch_W_m, now.bone.p_proxy_W_m, now.bone.stretch_W_m})
+    hash.add(v);
+}
+
+}  // namespace
+
+double capRadius_m(const SceneModel& scene) noexcept {
+  assert(scene.isLive(Effect::kPalpation));
+  return numbersOf(scene)[kPalpationRadius_m];
+}
+
+bool changeCap(const SceneModel& scene, bool on, const TipSample& sample, SimState& state) noexcept {
+  const Palpation& now = state.palpation;
+  if (now.capped == on || state.inside || !isFinite(sample)) return now.capped;
+  const bool clear = !(signedDepth(scene.limb, sample.p_WT_m) > -capRadius_m(scene));
+  // a lesson may begin with the tip anywhere
+  if (state.has_prev && (!clear || now.skin.touching || now.bone.touching)) return now.capped;
+  setCap(on, clear, state);
+  return on;
+}
+
+void setCap(bool on, bool clear, SimState& state) noexcept {
+  state.palpation = {.capped = on, .clear = on && clear, .skin = {}, .bone = {}};
+  state.bone = {};
+  // a path of a body may be of another place: no entry before one puts the tip outside
+  state.inside = state.in_limb = state.outside_once = false;
+}
+
+void palpate(const SceneModel& scene, const TipSample& sample, SimState& state, StepReport& report) noexcept {
+  assert(state.palpation.capped && !state.inside);
+  report.stage_N.fill(0.0);
+  if (!isFinite(sample)) return clearReport(report, 0.0, kFlagNotStepped | kFlagCapped);
+  Palpation& now = state.palpation;
+  const double depth_m = signedDepth(scene.limb, sample.p_WT_m);
+  const Vec3 motion = state.has_prev ? sample.p_WT_m - state.p_prev_W_m : Vec3{0, 0, -1} * kOnSurface_m;
+  const Pressed pressed = pressedBy(scene, sample.p_WT_m, depth_m, motion);
+  clearReport(report, depth_m, kFlagCapped);
+  if (!(pressed.depth_m > 0.0)) now.clear = true;
+  if (now.clear) {
+    touchSkin(scene, sample.p_WT_m, motion, pressed, now.skin);
+    touchBones(scene, sample.p_WT_m, motion, now.bone);
+    Vec3 force_W_N = now.skin.stretch_W_m * numbersOf(scene)[kPalpationSkin_N_per_m] +
+                     now.bone.stretch_W_m * numbersOf(scene)[kPalpationBone_N_per_m];
+    report.stage_N[kPalpationOwn] = norm(force_W_N);
+    capForce(scene, force_W_N, report);
+    report.wrench_W.force_N = force_W_N;
+  } else {
+    report.flags |= kFlagStartedInside;
+  }
+  state.p_prev_W_m = sample.p_WT_m;
+  state.depth_prev_m = depth_m;
+  state.has_prev = true;
+}
+
+extern const EffectEntry kPalpationEntry;
+constinit const EffectEntry kPalpationEntry = {
+    .effect = Effect::kPalpation,
+    .name = "PALPATION",
+    .label = "Palpation: the capped needle feels skin and bone",
+    .short_name = "palp",
+    .term = "palpation",
+    .along_u = false,
+    .colour = 0xE7B98A,
+    .place = 9,
+    .value =
+        [](const StepReport& report) {
+          return (report.flags & kFlagCapped) != 0 ? report.stage_N[kPalpationOwn] : 0.0;
+        },
+    .section = "palpation",
+    .fields = kPalpationFields,
+    .hasNumbers =
+        [](const SceneSpec& spec) { return spec.stage_numbers[kPalpationOwn][kPalpationSkin_N_per_m] > 0; },
+    .stiffness_N_per_m = addedAlong,
+    .on_device = {.words = "palpation",
+                  .across_N_per_m = addedAcross,
+                  .lower =
+                      [](SceneSpec& spec, double share) {
+                        spec.stage_numbers[kPalpationOwn][kPalpationSkin_N_per_m] *= share;
+                        spec.stage_numbers[kPalpationOwn][kPalpationBone_N_per_m] *= share;
+                      },
+                  .without = "the needle has no cap",
+                  .was_without = "the needle had no cap"},
+    .compile = compilePalpation,
+    .hashLasting = hashPalpation};
+
+}  // namespace needlelab

@@ -1,0 +1,158 @@
+// A tick in a body costs little more than in shells with the same layers: instructions, counted by callgrind,
+// of SceneEngine::step in a slab of tissue. Paths were made before: finding them is another thread's work.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "client/effect_cost/tick_cost.h"
+#include "common/haptics/body/body_engine.h"
+#include "tests/support/anatomy/bodies.h"
+#include "tests/support/sanitized.h"
+
+namespace needlelab::test {
+namespace {
+
+/// Hands out the paths that an engine was given in the same motion.
+class Prepared final : public PathMaker {
+ public:
+  /// First it makes them itself.
+  explicit Prepared(const SceneModel& body) : in_place_(body) {}
+  void replay() { replays_ = true; }
+
+  void ask(const PathAsk& ask) noexcept override {
+    if (!replays_) in_place_.ask(ask);
+  }
+  bool take(PathStack*& made) noexcept override {
+    if (replays_) {
+      made = next_ < paths_.size() ? paths_[next_].get() : nullptr;
+      ++next_;
+      return true;
+    }
+    const bool answers = in_place_.take(made);
+    paths_.push_back(made != nullptr ? std::make_unique<PathStack>(*made) : nullptr);
+    return answers;
+  }
+  void retire(PathStack* path) noexcept override {
+    if (!replays_) in_place_.retire(path);
+  }
+
+ private:
+  PathsInPlace in_place_;
+  bool replays_ = false;
+  std::vector<std::unique_ptr<PathStack>> paths_;
+  std::size_t next_ = 0;
+};
+
+struct Gesture {
+  const char* name;
+  double most;  ///< what a body may cost more, as a share of the shells' tick
+  std::vector<TipSample> before, counted;
+};
+
+std::vector<TipSample> straight(Vec3 from, Vec3 to, double speed_mps) {
+  const auto ticks = static_cast<int>(std::ceil(norm(to - from) / speed_mps * kRate_hz));
+  std::vector<TipSample> motion;
+  for (int k = 1; k <= ticks; ++k)
+    motion.push_back({from + (to - from) * (k / static_cast<double>(ticks)), leaning(0.2)});
+  return motion;
+}
+
+void append(std::vector<TipSample>& motion, const std::vector<TipSample>& more) {
+  motion.insert(motion.end(), more.begin(), more.end());
+}
+
+/// A hand that holds still, but for its tremor of 20 µm.
+std::vector<TipSample> held(Vec3 at, int ticks) {
+  std::vector<TipSample> motion;
+  for (int k = 0; k < ticks; ++k) {
+    const double angle = 2 * std::numbers::pi * 9.7 * k / kRate_hz;
+    motion.push_back({at + Vec3{2e-5 * std::sin(angle), 2e-5 * std::cos(angle), 0}, leaning(0.2)});
+  }
+  return motion;
+}
+
+std::vector<Gesture> gestures() {
+  const Vec3 axis = zAxis(leaning(0.2));
+  const Vec3 above = axis * -0.01, shallow = axis * 0.008, deep = axis * 0.022,
+             beside = above + Vec3{0.03, 0, 0};
+  std::vector<TipSample> in = held(above, 50);
+  append(in, straight(above, shallow, 0.03));
+  std::vector<TipSample> moving = straight(shallow, deep, 0.03);
+  append(moving, straight(deep, shallow, 0.03));
+  return {{"inside, held", 0.15, in, held(shallow, 1000)},
+          {"inside, at 30 mm/s", 0.17, in, moving},
+          {"outside, at 50 mm/s", 0.45, held(above, 50), straight(above, beside, 0.05)}};
+}
+
+SceneSpec slab() {
+  SceneSpec spec = sceneIn(slabOfTissue());
+  spec.effects &= ~bitOf(Effect::kBone);
+  return spec;
+}
+
+[[gnu::noinline]] void countedTicks(SceneEngine& engine, const std::vector<TipSample>& motion,
+                                    StepReport& report) {
+  for (const TipSample& sample : motion) {
+    engine.step(sample, report);
+    keep(report);
+  }
+}
+[[gnu::noinline]] void otherTicks(SceneEngine& engine, const std::vector<TipSample>& motion,
+                                  StepReport& report) {
+  for (const TipSample& sample : motion) engine.step(sample, report);
+}
+
+/// The counted program: each gesture, in shells and in the body.
+int runGestures() {
+  const auto body = std::make_unique<SceneModel>(*compile(slab(), kRate_hz));
+  const auto shells = std::make_unique<SceneModel>(*compile(slabAsShells(slab()), kRate_hz));
+  for (const Gesture& gesture : gestures()) {
+    Prepared paths(*body);
+    StepReport report;
+    {
+      SceneEngine first(*body, &paths);
+      otherTicks(first, gesture.before, report);
+      otherTicks(first, gesture.counted, report);
+    }
+    paths.replay();
+    SceneEngine in_shells(*shells), in_body(*body, &paths);
+    for (SceneEngine* engine : {&in_shells, &in_body}) {
+      otherTicks(*engine, gesture.before, report);
+      countedTicks(*engine, gesture.counted, report);
+      endCountedPart();
+    }
+  }
+  return 0;
+}
+
+TEST(BodyInstructions, aTickInABodyCostsLittleMoreThanInShells) {
+#ifdef NEEDLELAB_SANITIZED
+  GTEST_SKIP() << "a sanitizer's own instructions would be counted, and valgrind cannot run it";
+#elif !defined(__OPTIMIZE__)
+  GTEST_SKIP() << "not an optimised build: its instructions say nothing";
+#endif
+  ASSERT_TRUE(hasValgrind()) << "valgrind is not on the PATH (Debian: valgrind): nothing was counted";
+  const auto all = gestures();
+  const auto counted = countInstructions({ownProgram(), "--run-gestures"}, 2 * all.size(), "*countedTicks*");
+  ASSERT_TRUE(counted.ok()) << counted.error().message;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto ticks = static_cast<double>(all[i].counted.size());
+    const double in_shells = static_cast<double>((*counted)[2 * i]) / ticks;
+    const double in_body = static_cast<double>((*counted)[2 * i + 1]) / ticks;
+    EXPECT_GT(in_shells, 100) << "something was counted";
+    EXPECT_LE(in_body, (1 + all[i].most) * in_shells) << all[i].name;
+    std::printf("%s: %.1f instructions a tick in shells, %.1f in a body\n", all[i].name, in_shells, in_body);
+  }
+}
+
+}  // namespace
+}  // namespace needlelab::test
+
+// Under callgrind the program only runs the gestures.
+int main(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], "--run-gestures") == 0) return needlelab::test::runGestures();
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,133 @@
+// Recordings in a body: what a sample's structure is called, its colour, and when the needle is in one.
+import assert from 'node:assert/strict';
+import { readdirSync, readFileSync } from 'node:fs';
+import { test } from 'node:test';
+import { measuresOf } from '../../client/web/app/lib/measures.js';
+import { contactsOf } from '../../client/web/app/lib/recording.js';
+import {
+  kNameless,
+  kNameWords,
+  kTissues,
+  layerColors,
+  layerNames,
+  profileLayers,
+  structureColor,
+  tissueColor,
+} from '../../client/web/app/lib/tissue.js';
+import { kTypes } from './mock/document_types.mjs';
+
+const root = new URL('../../', import.meta.url);
+const kVolumes = readdirSync(new URL('db/samples/volumes/', root))
+  .filter((name) => /-(slender|median|heavy)\.json$/.test(name))
+  .map((name) => JSON.parse(readFileSync(new URL(`db/samples/volumes/${name}`, root), 'utf8')));
+const lumbar = kVolumes.find((p) => p.id === 'lumbar-median');
+const indexOf = (profile, id) => profile.volume.structures.findIndex((s) => s.id === id);
+const kBody = {
+  volume: {
+    structures: [
+      { id: 'skin', layer: { tissue: 'SKIN' } },
+      { id: 'nerve', layer: { tissue: 'OTHER', name: 'ulnar nerve' } },
+      { id: 'ulna', layer: { tissue: 'BONE' } },
+    ],
+  },
+};
+
+test('structures have the colours of the windows, by the same words', () => {
+  const source = readFileSync(new URL('client/view/model/body_view.cpp', root), 'utf8');
+  const rows = [...source.matchAll(/\{"(\w+)", StructureShape::\w+, 0x([0-9A-F]{6})\}/g)];
+  assert.equal(rows.length, Number(/std::array<NameWord, (\d+)>/.exec(source)[1]), 'all rows are read');
+  assert.deepEqual(
+    kNameWords,
+    rows.map(([, word, colour]) => [word, `#${colour.toLowerCase()}`]),
+  );
+  assert.equal(kNameless, `#${/kNameless = rgbOf\(0x([0-9A-F]{6})\)/.exec(source)[1].toLowerCase()}`);
+  assert.deepEqual(kTissues, kTypes.enums['Layer.Tissue']);
+
+  assert.equal(structureColor({ tissue: 'OTHER', name: 'venous plexus' }), '#f2dc3c');
+  assert.equal(structureColor({ tissue: 'OTHER', name: 'carpal tunnel' }), kNameless);
+  assert.equal(structureColor({ tissue: 'BONE', name: 'bone beside a nerve' }), tissueColor('BONE'));
+});
+
+test('a sample of a body names the structure with its number', () => {
+  assert.equal(kVolumes.length, 12);
+  for (const profile of kVolumes) {
+    const { structures } = profile.volume;
+    assert.deepEqual(
+      layerNames(profile),
+      structures.map((s) => s.layer.name),
+    );
+    assert.deepEqual(
+      profileLayers(profile),
+      structures.map((s) => s.layer),
+    );
+    assert.deepEqual(
+      layerColors(profile),
+      structures.map((s) => structureColor(s.layer)),
+    );
+  }
+  const kinds = [{ name: 'peak_force_layer_K_n', unit: 'N', words: 'Peak force in layer K' }];
+  const flavum = measuresOf(kinds, layerNames(lumbar))[indexOf(lumbar, 'flavum')];
+  assert.deepEqual([flavum.name, flavum.words], ['peak_force_layer_7_n', 'Peak force in ligamentum flavum']);
+  // shells: as before, by tissue alone
+  assert.deepEqual(layerColors({ layers: [{ tissue: 'SKIN' }, { tissue: 'OTHER', name: 'nerve' }, null] }), [
+    tissueColor('SKIN'),
+    tissueColor('OTHER'),
+    tissueColor('OTHER'),
+  ]);
+});
+
+const momentsOf = (moments, profile) => {
+  const columns = { t_s: [], layer: [], insertion_m: [] };
+  for (const [t, layer, insertion_m] of moments) {
+    columns.t_s.push(t);
+    columns.layer.push(layer);
+    columns.insertion_m.push(insertion_m);
+  }
+  return Object.fromEntries(contactsOf(columns, profile).map((c) => [c.measure, c.moments_s]));
+};
+
+test('the tip touches bone in a structure of bone, or one that is a hazard of bone', () => {
+  const moments = [
+    [0, -1, 0],
+    [1, 0, 0.01],
+    [2, 2, 0.02],
+    [3, 0, 0.01],
+    [4, 1, 0.02],
+    [5, -1, 0],
+  ];
+  assert.deepEqual(momentsOf(moments, kBody).bone_contacts, [2]);
+  const hazards = [{ name: 'sesamoid', kind: 'BONE', structure: 'nerve' }];
+  const { bone_contacts, hazards_touched } = momentsOf(moments, { ...kBody, hazards });
+  assert.deepEqual([bone_contacts, hazards_touched], [[2, 4], []]);
+});
+
+test('a structure is touched until the shaft is drawn back out of it', () => {
+  const profile = { ...kBody, hazards: [{ name: 'ulnar nerve', kind: 'NERVE', structure: 'nerve' }] };
+  const touched = (moments) => momentsOf(moments, profile).hazards_touched;
+  assert.deepEqual(
+    touched([
+      [0, -1, 0],
+      [1, 0, 0.01],
+      [2, 1, 0.02], // into the nerve
+      [3, 0, 0.03], // the tip is through, the shaft is not
+      [4, 1, 0.021], // still the same touch
+      [5, 0, 0.019], // drawn back out of it
+      [6, 0, 0.022], // as deep as before, but past it
+      [7, 1, 0.022],
+      [8, -1, 0],
+      [9, 0, 0.03], // another way in, past it
+    ]),
+    [2, 7],
+  );
+  assert.deepEqual(touched([[0, -1, 0]]), []);
+  // every patient of the lessons: in at each hazard's structure once
+  for (const sample of kVolumes) {
+    const first = sample.hazards.find((h) => h.kind !== 'BONE');
+    const path = [
+      [0, -1, 0],
+      [1, 0, 0.01],
+      [2, indexOf(sample, first.structure), 0.02],
+    ];
+    assert.deepEqual(momentsOf(path, sample).hazards_touched, [2], sample.id);
+  }
+});
