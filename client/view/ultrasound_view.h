@@ -6,7 +6,7 @@
 #include <imgui/imgui.h>
 
 #include "client/view/gl_objects.h"
-#include "client/view/model/ultrasound_slice.h"
+#include "client/view/model/ultrasound/ultrasound_slice.h"
 
 namespace needlelab {
 

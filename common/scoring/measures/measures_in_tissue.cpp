@@ -243,6 +243,26 @@ class TissueGroup : public SampleGroup {
   Inefficiency inefficiency_;
 };
 
+/// Asks for a hazard's distance from the shaft only when the shaft has moved by as much as the last one.
+class Clearance {
+ public:
+  bool touches(const Region& hazard, Vec3 tip_W_m, Vec3 skin_W_m) {
+    // no point of the shaft has moved by more than its ends
+    const double moved_m = std::max(norm(tip_W_m - tip_W_m_), norm(skin_W_m - skin_W_m_));
+    if (moved_m < clear_m_) return false;
+    tip_W_m_ = tip_W_m;
+    skin_W_m_ = skin_W_m;
+    // a structure's distance may be too great by a ninth (field.h), and between the places of a shaft that
+    // were asked it may be half of theirs (StructureRegion::distanceFromShaft)
+    clear_m_ = 0.45 * distanceTo(hazard, tip_W_m, skin_W_m);
+    return clear_m_ <= 0;
+  }
+
+ private:
+  Vec3 tip_W_m_, skin_W_m_;
+  double clear_m_ = 0;
+};
+
 /// Counted while the tip is in tissue.
 /// - `target_reached`: the tip was in a target, i.e. within its radius and in one of its tissues.
 ///   `at_target_s`: the total time there.
@@ -258,6 +278,7 @@ class AimGroup : public SampleGroup {
       : gesture_(*facts.gesture),
         facts_(facts),
         touched_(gesture_.anatomy.hazards.size(), false),
+        clearances_(gesture_.anatomy.hazards.size()),
         bones_(*gesture_.profile, gesture_.anatomy) {
     facts_.has_landmark = gesture_.anatomy.landmark != nullptr;
     if (gesture_.anatomy.targets.empty()) return;
@@ -278,9 +299,8 @@ class AimGroup : public SampleGroup {
       facts_.landmark_s = time_s;
     if (!isInside(sample)) return;
     const Vec3 skin = skinPointOf(sample);
-    for (std::size_t h = 0; h < hazards.size(); ++h) {
-      if (!touched_[h] && distanceTo(hazards[h], tip, skin) <= 0) touched_[h] = true;
-    }
+    for (std::size_t h = 0; h < hazards.size(); ++h)
+      if (!touched_[h]) touched_[h] = clearances_[h].touches(hazards[h], tip, skin);
     if (gesture_.anatomy.targets.empty()) return;
     const Aim aim = aimOf(gesture_.anatomy, tip);
     nearest_m_ = std::min(nearest_m_, aim.distance_m);
@@ -301,7 +321,8 @@ class AimGroup : public SampleGroup {
  private:
   const Gesture& gesture_;
   GestureFacts& facts_;
-  std::vector<bool> touched_;  // by hazard
+  std::vector<bool> touched_;          // by hazard
+  std::vector<Clearance> clearances_;  // likewise
   BoneContacts bones_;
   HubContacts hub_;
   FinalPoint final_;

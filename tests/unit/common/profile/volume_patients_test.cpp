@@ -253,6 +253,41 @@ TEST(VolumePatients, aCappedTipThatSlidesOverThemIsSmoothAndPassive) {
   EXPECT_GT(most_N, 6) << "bone is felt";
 }
 
+// Needles at random places and angles, 20 mm/s: where one begins to rest on bone, the field has bone.
+TEST(VolumePatients, contactWithBoneBeginsOnBone) {
+  int contacts = 0;
+  for (const Patient& patient : patients()) {
+    SCOPED_TRACE(patient.profile.id());
+    const SceneSpec scene = *sceneSpecOf(patient.profile);
+    const auto model = std::make_unique<SceneModel>(*compile(scene, 1000));
+    StructureMask bones = 0;
+    for (std::size_t i = 0; i < scene.layers.size(); ++i)
+      if (scene.layers[i].is_bone) bones |= StructureMask{1} << i;
+    test::Random random(11);
+    for (int needle = 0; needle < 15; ++needle) {
+      const Vec3 entry =
+          nearestSkin(scene.limb, {random.in(-0.04, 0.04), random.in(-0.04, 0.04), 0}, {0, 0, -1});
+      const Vec3 beside{random.in(-0.015, 0.015), random.in(-0.015, 0.015), random.in(-0.015, 0.015)};
+      const Vec3 axis = normalized(beside - surfaceNormal(scene.limb, entry, {0, 0, -1}) * 0.03);
+      const Vec3 down{0, 0, -1}, turn = cross(down, axis);
+      const Quat q = normalized(Quat{turn.x, turn.y, turn.z, 1 + dot(down, axis)}) * Quat{1, 0, 0, 0};
+      SceneEngine engine(*model);
+      StepReport report;
+      bool touched = false;
+      for (int k = -100; k < 2200; ++k) {
+        engine.step({entry + axis * (2e-5 * std::max(k, 0) - 0.004), q}, report);
+        const BoneContact& bone = engine.state().bone;
+        if (bone.touching && !touched) {
+          ++contacts;
+          EXPECT_LT(patient.field.structuresDistance(bones, bone.p_proxy_W_m), 2e-4) << needle << ", " << k;
+        }
+        touched = bone.touching;
+      }
+    }
+  }
+  EXPECT_GT(contacts, 60);
+}
+
 TEST(VolumePatients, wrongPathsMeetWhatTheyName) {
   for (const Patient& patient : patients()) {
     for (const auto& wrong : patient.paths["wrong"]) {

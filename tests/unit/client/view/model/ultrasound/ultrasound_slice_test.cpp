@@ -1,13 +1,17 @@
-#include "client/view/model/ultrasound_slice.h"
+#include "client/view/model/ultrasound/ultrasound_slice.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <map>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "common/profile/profile.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
 namespace needlelab {
@@ -356,6 +360,60 @@ TEST(UltrasoundSlice, aHazardAppearsAtItsCrossSection) {
     EXPECT_GT(around / n_around, 40) << row.right_m;
     EXPECT_GT(mirrored / n_mirrored, 40) << "left and right are not exchanged";
   }
+}
+
+/// A patient of db/samples/volumes.
+SceneView patientView(const char* name) {
+  const auto profile =
+      loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "volumes" / (std::string(name) + ".json"));
+  EXPECT_TRUE(profile.ok());
+  return *sceneViewOf(*profile);
+}
+
+// The field itself says which structure is at a pixel; means over many pixels of it tell tissues apart.
+TEST(UltrasoundSlice, ofABodyShowsTheStructuresWhereTheFieldHasThem) {
+  std::map<pb::Layer::Tissue, std::pair<double, int>> light;
+  int gel = 0, gel_dark = 0, behind_bone = 0, behind_bone_dark = 0;
+  for (const char* const name : {"shoulder-median", "knee-median", "wrist-median", "lumbar-median"}) {
+    const SceneView scene = patientView(name);
+    Moment moment = needleAt(scene, 0.01);
+    moment.p_WT_m = moment.p_WT_m + Vec3{0, 0, 1};  // the needle is not in the picture
+    const Slice slice = sliceOf(scene, moment);
+    for (int x = 0; x < slice.image.width; x += 2) {
+      bool shaded = false;
+      for (int y = 4; y < slice.image.height; y += 2) {
+        const Vec3 p = slice.plane.origin_W_m +
+                       slice.plane.right_W * ((x + 0.5 - 0.5 * slice.image.width) * slice.m_per_px) +
+                       slice.plane.down_W * ((y + 0.5) * slice.m_per_px);
+        const int at = layerAt(scene, p);
+        const int grey = slice.image.pixels[static_cast<std::size_t>(y * slice.image.width + x)];
+        if (at < 0) {
+          ++gel;
+          gel_dark += grey < 20;
+          continue;
+        }
+        const pb::Layer::Tissue tissue = scene.layers[static_cast<std::size_t>(at)].tissue;
+        if (shaded && tissue != pb::Layer::BONE) {
+          ++behind_bone;
+          behind_bone_dark += grey < 25;
+          continue;
+        }
+        if (tissue == pb::Layer::BONE && depthAt(scene, p) > 0.004) shaded = true;
+        auto& [sum, count] = light[tissue];
+        sum += grey;
+        ++count;
+      }
+    }
+  }
+  const auto mean = [&](pb::Layer::Tissue tissue) { return light[tissue].first / light[tissue].second; };
+  ASSERT_GT(light[pb::Layer::FAT].second, 500);
+  ASSERT_GT(light[pb::Layer::MUSCLE].second, 300);
+  ASSERT_GT(light[pb::Layer::SKIN].second, 50);
+  EXPECT_GT(mean(pb::Layer::SKIN), mean(pb::Layer::MUSCLE) + 30);
+  EXPECT_GT(mean(pb::Layer::MUSCLE), mean(pb::Layer::FAT) + 8);
+  EXPECT_EQ(gel_dark, gel);
+  EXPECT_GT(behind_bone, 100);
+  EXPECT_GT(behind_bone_dark, 0.9 * behind_bone) << "bone stops the sound";
 }
 
 }  // namespace

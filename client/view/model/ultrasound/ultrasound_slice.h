@@ -45,8 +45,9 @@ struct SliceSettings {
 };
 double sliceDepth_m(const SceneView& scene, const SliceSettings& settings);
 
-/// Off-plane parts of a hazard shine through faintly, by `offPlaneOpacity`, and stop no sound. Pure: the same
-/// inputs give the same bytes. Costs about 20-60 ns per pixel; the caller measures and shows it. Thread: any.
+/// In a body: the structures that the plane cuts. Off-plane parts of a hazard shine through faintly, by
+/// `offPlaneOpacity`, and stop no sound. Pure: the same inputs give the same bytes. Costs about 20-60 ns per
+/// pixel, in a body more; the caller measures and shows it. Thread: any.
 void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& moment,
                const SliceSettings& settings, GreyImage& out);
 

@@ -1,11 +1,13 @@
-#include "client/view/model/ultrasound_slice.h"
+#include "client/view/model/ultrasound/ultrasound_slice.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "client/view/model/ultrasound/tissue_echoes.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 
@@ -13,55 +15,12 @@ namespace needlelab {
 namespace {
 
 constexpr double kDeepest_m = 0.12, kShallowest_m = 0.02;
-constexpr double kMaxTurn_rad = 0.2;      // maximum turn of the plane between pictures
-constexpr double kDepthStep_m = 0.00005;  // step of the table of echoes over depth
-constexpr double kFaintest = 0.02;        // fainter hazards are not drawn
-constexpr float kThrough = 0.6F;          // opacity of hazard parts outside their section
-constexpr int kGrainSize = 256;           // a tile of speckle, repeated
+constexpr double kMaxTurn_rad = 0.2;  // maximum turn of the plane between pictures
+constexpr double kFaintest = 0.02;    // fainter hazards are not drawn
+constexpr float kThrough = 0.6F;      // opacity of hazard parts outside their section
+constexpr int kGrainSize = 256;       // a tile of speckle, repeated
 constexpr double kGrainAcross_m = 0.00022,
                  kGrainDown_m = 0.00012;  // wider than high, because sound resolves better along its path
-
-/// A tissue's echo: 0 black to 1 white, and its grain.
-struct Echo {
-  float mean = 0.3F, grain = 0.5F;
-  bool stops_sound = false;
-};
-
-Echo echoOf(pb::Layer::Tissue tissue) {
-  switch (tissue) {
-    case pb::Layer::SKIN:
-      return {0.62F, 0.35F, false};
-    case pb::Layer::FAT:
-      return {0.26F, 0.5F, false};
-    case pb::Layer::MUSCLE:
-      return {0.34F, 0.75F, false};
-    case pb::Layer::BURSA:
-      return {0.08F, 0.25F, false};
-    case pb::Layer::CAPSULE:
-      return {0.55F, 0.45F, false};
-    case pb::Layer::TENDON:
-      return {0.58F, 0.6F, false};
-    case pb::Layer::CARTILAGE:
-      return {0.14F, 0.2F, false};
-    case pb::Layer::BONE:
-      return {0.3F, 0.3F, true};
-    default:
-      return {0.1F, 0.3F, false};  // mostly fluid
-  }
-}
-
-Echo echoOf(pb::Hazard::Kind kind) {
-  switch (kind) {
-    case pb::Hazard::BONE:
-      return {0.3F, 0.3F, true};
-    case pb::Hazard::NERVE:
-      return {0.5F, 0.9F, false};
-    case pb::Hazard::VESSEL:
-      return {0.04F, 0.15F, false};
-    default:
-      return {0.6F, 0.5F, false};
-  }
-}
 
 // Speckle: magnitude of a sum of random phases (Rayleigh distribution), mean about 1; slightly smoothed,
 // tiles seamlessly.
@@ -97,36 +56,6 @@ const GrainTile& grainTile() {
 float grainAt(const GrainTile& tile, int x, int y) {
   return tile[static_cast<std::size_t>((y & 255) * kGrainSize + (x & 255))];
 }
-
-/// Echoes by depth below the skin, one look-up per pixel: the layers, and a bright line at each one's start.
-struct EchoTable {
-  std::vector<Echo> echoes;
-  std::vector<float> line;
-
-  explicit EchoTable(const SceneView& scene, double deepest_m) {
-    const auto size = static_cast<std::size_t>(deepest_m / kDepthStep_m) + 2;
-    echoes.resize(size);
-    line.assign(size, 0.0F);
-    for (std::size_t i = 0; i < size; ++i) {
-      const double depth_m = (static_cast<double>(i) + 0.5) * kDepthStep_m;
-      echoes[i] = echoOf(scene.layers[static_cast<std::size_t>(std::max(0, layerAt(scene, depth_m)))].tissue);
-    }
-    for (const LayerView& layer : scene.layers) {
-      if (!(layer.bottom_m > layer.top_m)) continue;  // a structure that is not below the focus
-      const float strength = layer.tissue == pb::Layer::BONE ? 0.75F : layer.has_membrane ? 0.5F : 0.3F;
-      const double wide_m = layer.tissue == pb::Layer::BONE ? 0.0006 : 0.0003;
-      const double first_m = std::max(0.0, layer.top_m - 3 * wide_m);
-      for (auto i = static_cast<std::size_t>(first_m / kDepthStep_m); i < size; ++i) {
-        const double away = ((static_cast<double>(i) + 0.5) * kDepthStep_m - layer.top_m) / wide_m;
-        if (away > 3) break;
-        line[i] = std::max(line[i], strength * static_cast<float>(std::exp(-away * away)));
-      }
-    }
-  }
-  [[nodiscard]] std::size_t indexOf(double depth_m) const {
-    return std::min(static_cast<std::size_t>(depth_m / kDepthStep_m), echoes.size() - 1);
-  }
-};
 
 /// A hazard's section in the plane, in the plane's coordinates.
 struct Shape {
@@ -276,11 +205,17 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
   out.pixels.assign(static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height), 0);
   const double depth_m = sliceDepth_m(scene, settings);
   const double m_per_px = depth_m / out.height;
-  const EchoTable table(scene, 2 * depth_m);
+  std::optional<EchoTable> of_shells;
+  std::optional<BodyEchoes> of_body;
+  if (scene.body)
+    of_body.emplace(scene, plane, out, m_per_px);
+  else
+    of_shells.emplace(scene, 2 * depth_m);
 
   std::vector<Shape> shapes;
   for (const HazardView& hazard : scene.hazards)
-    if (offPlaneOpacity(offPlane_m(hazard, picturePlaneOf(plane))) >= kFaintest)
+    // a structure is in the section
+    if (!hazard.structure && offPlaneOpacity(offPlane_m(hazard, picturePlaneOf(plane))) >= kFaintest)
       shapes.push_back(
           {inPlane(plane, hazard.a_W_m), inPlane(plane, hazard.b_W_m), hazard.radius_m, echoOf(hazard.kind)});
 
@@ -298,17 +233,20 @@ void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& mo
     const Vec3 row_W_m = plane.origin_W_m + plane.down_W * y_m;
     for (int x = 0; x < out.width; ++x) {
       const double x_m = (x + 0.5 - out.width * 0.5) * m_per_px;
-      const double below_m = signedDepth(scene.limb_W, row_W_m + plane.right_W * x_m);
+      std::optional<TissueEcho> tissue;
+      if (of_body)
+        tissue = of_body->at(x, y);
+      else if (const double below_m = signedDepth(scene.limb_W, row_W_m + plane.right_W * x_m); below_m > 0)
+        tissue = of_shells->at(below_m);
       float& heard = sound[static_cast<std::size_t>(x)];
       std::uint8_t& pixel = out.pixels[static_cast<std::size_t>(y * out.width + x)];
-      if (!(below_m > 0)) {
+      if (!tissue) {
         // gel between probe and skin
         pixel = greyOf(0.03F + (y < 3 ? 0.25F : 0.0F));
         continue;
       }
-      const std::size_t at = table.indexOf(below_m);
-      Echo echo = table.echoes[at];
-      float line = table.line[at];
+      Echo echo = tissue->echo;
+      float line = tissue->line;
       for (const Shape& shape : shapes) {
         if (!shape.isNear(x_m, y_m, 0.001)) continue;
         // off-plane parts shine through and cast no shadow
