@@ -1,6 +1,5 @@
 // A patient that is a body: in the editor, and as a cut from the server's runs.
 import assert from 'node:assert/strict';
-import { readdirSync, readFileSync } from 'node:fs';
 import { test } from 'node:test';
 import {
   areasOf,
@@ -22,12 +21,8 @@ import { BodyDrawing } from '../../client/web/app/ui/body_view.js';
 import { CheckField, formOf, NumberField, SelectField, TextField } from '../../client/web/app/ui/fields.js';
 import { Legend } from '../../client/web/app/ui/section.js';
 import { elementsOf, textOf } from './page_text.mjs';
+import { kVolumes, lumbar } from './volumes.mjs';
 
-const root = new URL('../../', import.meta.url);
-const kVolumes = readdirSync(new URL('db/samples/volumes/', root))
-  .filter((name) => /-(slender|median|heavy)\.json$/.test(name))
-  .map((name) => JSON.parse(readFileSync(new URL(`db/samples/volumes/${name}`, root), 'utf8')));
-const lumbar = kVolumes.find((p) => p.id === 'lumbar-median');
 const near = (a, b) => assert.ok(Math.abs(a - b) < 1e-12, `${a} is not ${b}`);
 
 // three rows of four points, from bottom to top: all of B; A A B B; outside, A, outside

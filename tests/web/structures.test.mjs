@@ -1,6 +1,6 @@
 // Recordings in a body: what a sample's structure is called, its colour, and when the needle is in one.
 import assert from 'node:assert/strict';
-import { readdirSync, readFileSync } from 'node:fs';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 import { measuresOf } from '../../client/web/app/lib/measures.js';
 import { contactsOf } from '../../client/web/app/lib/recording.js';
@@ -15,12 +15,9 @@ import {
   tissueColor,
 } from '../../client/web/app/lib/tissue.js';
 import { kTypes } from './mock/document_types.mjs';
+import { kVolumes, lumbar } from './volumes.mjs';
 
 const root = new URL('../../', import.meta.url);
-const kVolumes = readdirSync(new URL('db/samples/volumes/', root))
-  .filter((name) => /-(slender|median|heavy)\.json$/.test(name))
-  .map((name) => JSON.parse(readFileSync(new URL(`db/samples/volumes/${name}`, root), 'utf8')));
-const lumbar = kVolumes.find((p) => p.id === 'lumbar-median');
 const indexOf = (profile, id) => profile.volume.structures.findIndex((s) => s.id === id);
 const kBody = {
   volume: {

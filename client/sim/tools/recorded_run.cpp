@@ -17,7 +17,7 @@ namespace needlelab {
 std::string differenceText(const RecordedDifference& difference) {
   if (difference.compared_ticks == 0) return "no tick in tissue could be compared with the recorded forces\n";
   std::string text = fmt::format(
-      "ticks in tissue that differ by more than {} N from the recorded force: {} of {}\n"
+      "ticks in tissue or with the cap on that differ by more than {} N from the recorded force: {} of {}\n"
       "difference: {:.4f} N in the median, {:.4f} N at the 99th percentile, {:.4f} N at most\n",
       kDiffers_N, difference.differing_ticks, difference.compared_ticks, difference.median_N,
       difference.p99_N, difference.greatest_N);

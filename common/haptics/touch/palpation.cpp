@@ -132,7 +132,7 @@ BonesNear bonesUnderBall(const SceneModel& scene, Vec3 p_W_m, Vec3 motion, doubl
   return near;
 }
 
-// lets go of a surface that the tip has left: the spring shortens to nothing, within `most_m` at once
+// releases a surface that the tip has left: the spring shortens to nothing, within `most_m` at once
 void release(Vec3 tip_W_m, double most_m, ProxyContact& contact) {
   const Vec3 to_tip = tip_W_m - contact.p_proxy_W_m;
   const double share = shareWithin(-to_tip - contact.stretch_W_m, to_tip, most_m);

@@ -20,7 +20,7 @@ bool changeCap(const SceneModel& scene, bool on, const TipSample& sample, SimSta
 void setCap(bool on, bool clear, SimState& state) noexcept;
 
 /// A tick with the cap on, instead of `step`. `scene`: in a body, its own model, not that of a path. It asks
-/// the limb where skin and bones are, in this tick: microseconds in a body. Real-time safe.
+/// the limb where skin and bones are, in this tick: tens of microseconds in a body. Real-time safe.
 void palpate(const SceneModel& scene, const TipSample& sample, SimState& state, StepReport& report) noexcept;
 
 }  // namespace needlelab

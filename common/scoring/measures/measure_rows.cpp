@@ -15,8 +15,8 @@ namespace needlelab {
 // 5: mean SPARC of the movements, weighted by distance; until then SPARC from first entry to last exit.
 // 6: contacts of the hub with the skin.
 // 7: being in a target requires being in its tissues; a profile whose targets name none scores as in 6.
-// 8: time to the landmark; forces with the cap on are no peak force. A patient without PALPATION scores as in
-// 7.
+// 8: time to the landmark; forces with the cap on do not count as peak force. A patient without PALPATION
+// scores as in 7.
 const std::uint32_t kScoreDefinitionVersion = 8;
 
 namespace {

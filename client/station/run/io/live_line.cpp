@@ -118,7 +118,9 @@ std::string holdText(std::uint32_t flags) {
   if ((flags & kDeviceReleased) != 0) return "no one holds the handle";
   if ((flags & kDevicePowerOff) != 0) return "the motors have no power";
   if ((flags & kDeviceNotReady) != 0) return "the device is not ready yet";
-  if ((flags & kFlagStartedInside) != 0) return "the needle began in the tissue, take it out once";
+  if ((flags & kFlagStartedInside) != 0)
+    return (flags & kFlagCapped) != 0 ? "the cap began on the skin, lift it off once"
+                                      : "the needle began in the tissue, take it out once";
   return {};
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/base/text/uuid.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "tests/support/blocked_signals.h"
 #include "tests/support/scenes/scenes.h"
 #include "tests/support/temp_folder.h"
@@ -187,6 +188,25 @@ TEST_F(LoopWatchTest, inAnExamTheAidsAreFixed) {
   at(120, [this] { home_.requests().setAids({"ines", {}, true}); });
   run(device, {kWatchRate_hz, {}, 200});
   EXPECT_TRUE(observer_.chosen_by.empty());
+}
+
+// The window's key: off at the next look after 30 ms, on again after 130 ms.
+TEST_F(LoopWatchTest, theWindowsKeySwitchesTheCap) {
+  SceneSpec scene = paperOneDof();
+  scene.effects |= bitOf(Effect::kPalpation);
+  useUsualNumbers(effectEntry(Effect::kPalpation), scene);
+  model_ = *compile(scene, kWatchRate_hz);
+  FakeDevice device([](std::uint64_t /*tick*/, DeviceReading& reading) {
+    reading.X_WH = {{0, 0, 0.01}, {1, 0, 0, 0}};
+    return DeviceRead::kFresh;
+  });
+  at(30, [this] { home_.requests().switchCap(); });
+  at(130, [this] { home_.requests().switchCap(); });
+  ServoSettings settings{kWatchRate_hz, {}, 300};
+  settings.starts_capped = true;
+  const ServoStats& stats = run(device, settings);
+  EXPECT_NEAR(static_cast<double>(stats.flag_ticks[14]), 0.2 * kWatchRate_hz, 4) << "all but 50 to 150 ms";
+  EXPECT_FALSE(home_.requests().takeCapSwitch()) << "each counts once";
 }
 
 TEST_F(LoopWatchTest, enterCountsOnlyAfterTheFaultWasReported) {

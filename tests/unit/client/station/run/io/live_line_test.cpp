@@ -128,6 +128,7 @@ TEST(LiveView, holdsSpoolAndServerInFewWords) {
   EXPECT_EQ(holdText(kDevicePowerOff), "the motors have no power");
   EXPECT_EQ(holdText(kDeviceNotReady), "the device is not ready yet");
   EXPECT_EQ(holdText(kFlagStartedInside), "the needle began in the tissue, take it out once");
+  EXPECT_EQ(holdText(kFlagStartedInside | kFlagCapped), "the cap began on the skin, lift it off once");
   SpoolWriterCounts counts;
   EXPECT_EQ(spoolText(counts), "recording");
   counts.disk_error = "no space left";

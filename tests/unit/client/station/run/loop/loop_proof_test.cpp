@@ -14,6 +14,7 @@
 
 #include "client/device/factory/device_factory.h"
 #include "client/station/run/loop/black_box.h"
+#include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/gate/force_gate.h"
 #include "tests/support/anatomy/bodies.h"
 #include "tests/support/realtime/no_alloc.h"
@@ -114,10 +115,19 @@ class LoopProof : public LoopFixture {
     ServoSettings settings{kRate, {}, max_ticks, FaultPolicy::kWait};
     settings.black_box = box_.get();
     settings.passivity.emplace();
+    settings.starts_capped = model_.isLive(Effect::kPalpation);
     if (model_.body_spec) paths_ = std::make_unique<PathWorker>(model_);
     loop_ = std::make_unique<ServoLoop>(model_, device, clock, *ring_, settings, paths_.get());
   }
   void useBody() { model_ = *compile(sceneIn(arm()), kRate); }
+  // the cap, a ball of 0.5 mm, begins 0.5 mm off the skin, then presses 5 mm deep
+  void useCappedBody() {
+    SceneSpec scene = sceneIn(arm());
+    scene.effects |= bitOf(Effect::kPalpation);
+    useUsualNumbers(effectEntry(Effect::kPalpation), scene);
+    scene.stage_numbers[stageOf(Effect::kPalpation)][kPalpationRadius_m] = 0.5e-3;
+    model_ = *compile(scene, kRate);
+  }
   // Runs the loop to its end in this thread.
   void expectNoHeapOrLock() {
     std::uint64_t heap_calls = 1, lock_calls = 1;
@@ -195,6 +205,22 @@ TEST_F(LoopProof, inABodyTheThreadBesideItMakesThePaths) {
   EXPECT_GE(loop_->stats().flag_ticks[12], 1u) << "new paths";
 }
 
+TEST_F(LoopProof, withTheCapOnItAsksTheBodyWithoutHeapOrLock) {
+  useCappedBody();
+  TroubledDevice device;
+  LoopTime clock;
+  prepare(device, clock, 0);
+  device.ends = loop_.get();
+  Beside beside(*loop_, *ring_);
+  std::thread haptic([&] { expectNoHeapOrLock(); });
+  haptic.join();
+  beside.finish();
+  expectWholeLife(ServoEnd::kStopped);
+  EXPECT_GE(loop_->stats().flag_ticks[14], 1000u) << "capped";
+  EXPECT_EQ(loop_->stats().flag_ticks[0], 0u) << "it enters nothing";
+  EXPECT_EQ(loop_->stats().flag_ticks[9], 0u) << "it feels from the first touch on";
+}
+
 TEST_F(LoopProof, theLockWatcherWouldSeeALock) {
   if (!NoLockScope::works()) GTEST_SKIP() << "a sanitizer has its own locks";
   std::mutex mutex;
@@ -247,6 +273,16 @@ TEST_F(LoopJail, aWholeLifeNeedsNoSystemCallButTheClocks) {
 
 TEST_F(LoopJail, inABodyItNeedsNoneEither) {
   useBody();
+  TroubledDevice device;
+  const JailOutcome outcome = live(device);
+  if (!outcome.supported) GTEST_SKIP() << "no filter of system calls here";
+  EXPECT_EQ(outcome.forbidden_call, -1);
+  ASSERT_TRUE(outcome.finished);
+  EXPECT_EQ(outcome.result, 0);
+}
+
+TEST_F(LoopJail, withTheCapOnItNeedsNoneEither) {
+  useCappedBody();
   TroubledDevice device;
   const JailOutcome outcome = live(device);
   if (!outcome.supported) GTEST_SKIP() << "no filter of system calls here";
