@@ -47,7 +47,7 @@ double sliceDepth_m(const SceneView& scene, const SliceSettings& settings);
 
 /// In a body: the structures that the plane cuts. Off-plane parts of a hazard shine through faintly, by
 /// `offPlaneOpacity`, and stop no sound. Pure: the same inputs give the same bytes. Costs about 20-60 ns per
-/// pixel, in a body more; the caller measures and shows it. Thread: any.
+/// pixel, 60-120 in a body; the caller measures and shows it. Thread: any.
 void drawSlice(const SceneView& scene, const SlicePlane& plane, const Moment& moment,
                const SliceSettings& settings, GreyImage& out);
 
