@@ -1,6 +1,7 @@
 #include "db/service/requests/lessons/lesson_texts.h"
 
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
@@ -13,9 +14,45 @@ namespace {
 /// The author of the samples in a new database.
 constexpr const char* kSampleAuthor = "needlelab";
 
-bool isCurriculum(std::string_view json) {
-  const auto value = readShallowJson<nlohmann::json>(json);
-  return value.is_object() && value.contains("exercises");
+/// Reads the `id` and `name` of a document, and no further.
+class IdAndName final : public nlohmann::json_sax<nlohmann::json> {
+ public:
+  std::string id, name;
+
+  bool null() override { return true; }
+  bool boolean(bool /*value*/) override { return true; }
+  bool number_integer(number_integer_t /*value*/) override { return true; }
+  bool number_unsigned(number_unsigned_t /*value*/) override { return true; }
+  bool number_float(number_float_t /*value*/, const string_t& /*text*/) override { return true; }
+  bool binary(binary_t& /*value*/) override { return false; }
+  bool start_object(std::size_t /*size*/) override { return ++depth_ > 0; }
+  bool start_array(std::size_t /*size*/) override { return ++depth_ > 0; }
+  bool end_object() override { return --depth_ >= 0; }
+  bool end_array() override { return --depth_ >= 0; }
+  bool key(string_t& key) override {
+    field_ = depth_ > 1 ? nullptr : key == "id" ? &id : key == "name" ? &name : nullptr;
+    return true;
+  }
+  bool string(string_t& value) override {
+    if (field_ != nullptr) *std::exchange(field_, nullptr) = value;
+    return id.empty() || name.empty();
+  }
+  bool parse_error(std::size_t /*position*/, const std::string& /*token*/,
+                   const nlohmann::json::exception& /*error*/) override {
+    return false;
+  }
+
+ private:
+  int depth_ = 0;
+  std::string* field_ = nullptr;
+};
+
+/// A sample as it would be stored, if it were imported: samples are valid and canonical
+/// (tests/unit/common/profile), so they are not parsed again in every new database.
+StoredProfile sampleProfile(std::string_view json, std::int64_t now_unix_ns) {
+  IdAndName read;
+  nlohmann::json::sax_parse(json, &read, nlohmann::json::input_format_t::json, false);
+  return {read.id, 0, read.name, std::string(json), kSampleAuthor, now_unix_ns};
 }
 
 }  // namespace
@@ -73,15 +110,14 @@ Status storeSamples(Connection& writer, std::int64_t now_unix_ns) {
   // profiles first: exercises refer to them
   for (const bool curricula : {false, true}) {
     for (const EmbeddedFile& file : embeddedSamples()) {
-      if (isCurriculum(file.text) != curricula) continue;
-      const std::string source = "db/samples/" + std::string(file.name);
+      if (file.name.ends_with("curriculum.json") != curricula) continue;
       if (curricula) {
         ASSIGN_OR_RETURN(const auto curriculum,
-                         storedCurriculumOf(file.text, source, kSampleAuthor, now_unix_ns));
+                         storedCurriculumOf(file.text, "db/samples/" + std::string(file.name), kSampleAuthor,
+                                            now_unix_ns));
         RETURN_IF_ERROR(CurriculumStore(writer).put(curriculum));
       } else {
-        ASSIGN_OR_RETURN(const auto profile, storedProfileOf(file.text, source, kSampleAuthor, now_unix_ns));
-        RETURN_IF_ERROR(ProfileStore(writer).put(profile));
+        RETURN_IF_ERROR(ProfileStore(writer).put(sampleProfile(file.text, now_unix_ns)));
       }
     }
   }

@@ -35,7 +35,6 @@ const std::map<std::string, std::vector<std::string>> kCourses = {
     {"injection-steps-curriculum",
      {"deltoid-adult", "shoulder-posterior", "knee-adult", "hip-adult", "finger-adult", "carpal-tunnel"}}};
 const std::string kPhantom = "phantom-ball";
-const std::string kMeasured = "epidural-porcine";
 const std::string kModels = "shoulder-models";
 const std::vector<std::string> kPaper = {"paper-1dof", "paper-six-layers", "paper-clamping"};
 
@@ -49,7 +48,6 @@ std::vector<std::string> all() {
   std::vector<std::string> ids = kPatients;
   ids.insert(ids.end(), kPaper.begin(), kPaper.end());
   ids.push_back(kPhantom);
-  ids.push_back(kMeasured);
   ids.push_back(kModels);
   return ids;
 }
@@ -270,15 +268,6 @@ TEST(Samples, thePaperOnesHaveThePapersNumbersAndEffects) {
   const pb::Profile clamping = sample("paper-clamping");
   EXPECT_EQ(sceneSpecOf(clamping)->effects, bitOf(Effect::kClamping));
   EXPECT_EQ(clamping.virtual_fixture().mode(), pb::VirtualFixture::PROPORTIONAL);
-}
-
-TEST(Samples, theMeasuredOneHasItsForceInATableAlone) {
-  const pb::Profile profile = sample(kMeasured);
-  EXPECT_EQ(profile.axial_model(), pb::Profile::PRECOMPUTED);
-  EXPECT_GT(profile.precomputed().table_size(), 50);
-  EXPECT_THAT(profile.precomputed().source(), HasSubstr("arXiv 2301.11036"));
-  for (const auto& layer : profile.layers()) EXPECT_EQ(layer.cutting_force_n(), 0);
-  EXPECT_EQ(profile.virtual_fixture().mode(), pb::VirtualFixture::CONSERVATIVE);
 }
 
 TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {

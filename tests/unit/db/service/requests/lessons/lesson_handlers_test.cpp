@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "common/profile/profile.h"
@@ -50,6 +51,31 @@ TEST_F(LessonHandlers, aDisabledTraineeGetsNoLesson) {
   request.mutable_get_lesson()->set_exercise_id(exerciseId());
   request.mutable_get_lesson()->set_trainee("anna");
   EXPECT_EQ(refusal(station, request), ErrorCode::kNotFound) << "as for a name that nobody has";
+}
+
+// a new database takes them without parsing them
+TEST_F(LessonHandlers, everySampleIsStoredAsAnImportWouldStoreIt) {
+  pb::Request request;
+  request.mutable_list_profiles();
+  const auto listed = get(admin, request).profiles();
+  std::size_t profiles = 0;
+  for (const auto& file : std::filesystem::recursive_directory_iterator(
+           std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "db/samples")) {
+    const std::string name = file.path().filename().string();
+    if (file.path().extension() != ".json" || name.ends_with("curriculum.json")) continue;
+    SCOPED_TRACE(name);
+    ++profiles;
+    const auto profile = loadProfile(file.path());
+    ASSERT_OK(profile);
+    EXPECT_EQ(profileText(profile->id()), profileJson(*profile));
+    EXPECT_EQ(std::ranges::count_if(listed.profiles(),
+                                    [&](const auto& row) {
+                                      return row.id() == profile->id() && row.name() == profile->name();
+                                    }),
+              1);
+  }
+  EXPECT_GT(profiles, 20u);
+  EXPECT_EQ(static_cast<std::size_t>(listed.profiles_size()), profiles);
 }
 
 TEST_F(LessonHandlers, anImportedProfileIsCanonicalAndGetsRevisions) {
