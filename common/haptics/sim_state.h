@@ -63,7 +63,7 @@ struct CutTrack {
   Vec3 p_entry_W_m;
   Vec3 u_W;  ///< unit
   double length_m = 0;
-  std::uint32_t membranes = 0;  ///< bit i: membrane i is open where the line crosses it
+  std::uint32_t membranes = 0;  ///< bit i: the one of id i is open where the line crosses it
 };
 
 /// CUT_MEMORY: the cuts of this session, a ring. An exit does not clear it. Empty in a scene without the

@@ -140,7 +140,9 @@ void SceneEngine::InBody::useInside(PathStack& next, SimState& state) const noex
   while (membranes < model.membrane_count && model.membranes[membranes].top_m <= last_top_m) ++membranes;
   if (state.membranes_met > membranes) {
     state.membranes_met = membranes;
-    state.membranes_ruptured &= membranes == 32 ? ~0u : (1u << membranes) - 1u;
+    const std::uint32_t kept = membranes == 32 ? ~0u : (1u << membranes) - 1u;
+    state.membranes_ruptured &= kept;
+    state.cuts.opened &= kept;
   }
   if (state.tops_met > common) {
     state.tops_met = common;

@@ -222,6 +222,11 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
     made->reported[i] =
         static_cast<std::int8_t>(structure == kOutside ? path.layers[0].structure : structure);
   }
+  // a hole is one of a structure: another path may have other membranes
+  for (std::uint32_t i = 0, layer = 0; i < made->model.membrane_count; ++i) {
+    while (made->model.layers[layer].top_m < made->model.membranes[i].top_m) ++layer;
+    made->model.membrane_ids[i] = static_cast<std::uint8_t>(made->reported[layer]);
+  }
   // without bones near, BONE does not act, and the tissue goes on
   if (has_bone)
     made->reported[made->model.bone_layer] =

@@ -92,10 +92,10 @@ void turnOwnTrack(SimState& state) {
   cuts.shift_m = state.x_shift_m;
 }
 
-bool hasHoleAt(const CutMemory& cuts, std::size_t membrane, Vec3 p_W_m, double radius_m) {
-  assert(membrane < kMaxLayers && cuts.count <= kMaxCutTracks);
+bool hasHoleAt(const CutMemory& cuts, std::uint8_t membrane_id, Vec3 p_W_m, double radius_m) {
+  assert(membrane_id < kMaxLayers && cuts.count <= kMaxCutTracks);
   for (std::uint32_t i = 0; i < cuts.count; ++i)
-    if ((cuts.tracks[i].membranes >> membrane & 1u) != 0 && onTrack(cuts.tracks[i], p_W_m, radius_m).near)
+    if ((cuts.tracks[i].membranes >> membrane_id & 1u) != 0 && onTrack(cuts.tracks[i], p_W_m, radius_m).near)
       return true;
   return false;
 }
@@ -109,7 +109,7 @@ double openMembranes(const SceneModel& model, SimState& state, double x_m, doubl
   for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(left));
     const double place_m = state.membrane_place_m[i];
-    if (!hasHoleAt(state.cuts, i, pointAt(state, place_m), radius_m)) continue;
+    if (!hasHoleAt(state.cuts, model.membrane_ids[i], pointAt(state, place_m), radius_m)) continue;
     open |= 1u << i;
     held_before = held_before || x_before_m > place_m;
   }
@@ -182,6 +182,14 @@ std::uint32_t placeOfTrack(CutMemory& cuts, const SimState& state, double radius
   return place;
 }
 
+// membranes by their numbers as a set of their ids
+std::uint32_t idsOf(const SceneModel& model, std::uint32_t membranes) {
+  std::uint32_t ids = 0;
+  for (; membranes != 0; membranes &= membranes - 1)
+    ids |= 1u << model.membrane_ids[static_cast<std::size_t>(std::countr_zero(membranes))];
+  return ids;
+}
+
 // records what is newly cut or ruptured
 void record(const SceneModel& model, SimState& state, double end_m, bool wall_cuts) {
   CutMemory& cuts = state.cuts;
@@ -197,7 +205,7 @@ void record(const SceneModel& model, SimState& state, double end_m, bool wall_cu
   assert(cuts.own < cuts.count && "a track of the ring");
   CutTrack& own = cuts.tracks[cuts.own];
   if (wall_cuts) own.length_m = std::max(own.length_m, state.wall_m);
-  own.membranes |= state.membranes_ruptured;
+  own.membranes |= idsOf(model, state.membranes_ruptured);
 }
 
 Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,

@@ -83,6 +83,7 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
     to.bottom_m = top;
     assert(to.top_m <= to.bottom_m);
   }
+  for (std::size_t i = 0; i < kMaxLayers; ++i) model.membrane_ids[i] = static_cast<std::uint8_t>(i);
   model.layers[0].min_depth_m = std::numeric_limits<double>::denorm_min();
   model.layers[model.layer_count - 1].bottom_m = std::numeric_limits<double>::infinity();
   model.beyond.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;

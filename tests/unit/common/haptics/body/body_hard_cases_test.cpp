@@ -237,6 +237,42 @@ TEST(BodyHardCases, twoStructuresInOneTickAreBothPassed) {
   }
 }
 
+// Fascia of 1 mm on one side only, a capsule below both sides, holes of 1 mm. A hole is one of a structure: after
+// a needle through the fascia, one beside it, which meets no fascia, must still rupture the capsule, as its
+// second membrane. Control: the same way again finds the holes of skin and fascia open.
+TEST(BodyHardCases, aHoleStaysWithItsStructureWhereMembranesDiffer) {
+  FieldSpec field = slabOfTissue();
+  field.groups.push_back({"left", {halfSpace({}, {1, 0, 0})}});
+  for (const char* id : {"fascia", "capsule"}) {
+    field.structures.push_back(structure(id, tissue(0.8)));
+    field.structures.back().layer.membrane = MembraneSpec{800, 4e5, 2};
+  }
+  field.rules.insert(field.rules.begin(), {rule("skin", -9, -8, "fascia", {{"left", -kNoBound, 0}}),
+                                           rule("skin", -15, -14, "capsule")});
+  SceneSpec scene = sceneIn(field);
+  scene.effects = (scene.effects & ~bitOf(Effect::kBone)) | bitOf(Effect::kCutMemory);
+  constexpr std::size_t kCut = stageOf(Effect::kCutMemory);
+  scene.stage_numbers[kCut] = {0.23, 1e-3};
+
+  for (const double again_mm : {0.3, -0.3}) {
+    const BodyRun run = Hand(mm(-0.3, 0, 5), 0)
+                            .to(mm(-0.3, 0, -12), 0.02)
+                            .to(mm(-0.3, 0, 5), 0.05)
+                            .to(mm(again_mm, 0, 5), 0.05)
+                            .rest(50)
+                            .to(mm(again_mm, 0, -20), 0.02)
+                            .in(scene);
+    std::vector<double> ruptures_mm;
+    for (std::size_t i = 0; i < run.reports.size(); ++i)
+      if ((run.reports[i].flags & kFlagRupture) != 0) ruptures_mm.push_back(-1e3 * run.samples[i].p_WT_m.z);
+    // skin and fascia once, each a stretch of 1 to 2 mm below its top, then the capsule
+    ASSERT_EQ(ruptures_mm.size(), 3u) << again_mm;
+    EXPECT_NEAR(ruptures_mm[0], 1, 1) << again_mm;
+    EXPECT_NEAR(ruptures_mm[1], 9.5, 1) << again_mm;
+    EXPECT_NEAR(ruptures_mm[2], 15.5, 1) << again_mm;
+  }
+}
+
 // Bone lies 2 mm under the skin, 5 mm beside the needle: no force of bone. Control: above its middle.
 TEST(BodyHardCases, entryBesideBoneDoesNotTouchIt) {
   FieldSpec field = slabOfTissue();
