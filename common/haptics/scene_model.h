@@ -100,7 +100,8 @@ class SceneModel {
       beyond;  ///< used where the tip came out on the other side of the limb: the skin's K_t, no force
   std::array<CompiledMembrane, kMaxLayers> membranes;
   std::uint32_t membrane_count = 0;
-  std::array<std::uint8_t, kMaxLayers> membrane_ids{};  ///< for CUT_MEMORY: its number; in a body, its structure
+  std::array<std::uint8_t, kMaxLayers>
+      membrane_ids{};   ///< for CUT_MEMORY: its number; in a body, its structure
   EffectMask live = 0;  ///< listed by the scene, with numbers that are not all zero
 
   // along u

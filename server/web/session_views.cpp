@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/gesture/chunk.h"
+#include "common/haptics/engine.h"
 #include "server/web/routes.h"
 #include "server/web/web_call.h"
 
@@ -174,6 +175,8 @@ constexpr std::array kPlotColumns = {
     PlotColumn{"phase", [](const GestureSample& s) { return static_cast<double>(s.phase); }, false},
     PlotColumn{"layer", [](const GestureSample& s) { return static_cast<double>(s.layer); }, false},
     PlotColumn{"fault", [](const GestureSample& s) { return static_cast<double>(s.fault); }, false},
+    PlotColumn{"capped", [](const GestureSample& s) { return (s.flags & kFlagCapped) != 0 ? 1.0 : 0.0; },
+               false},
 };
 
 /// The data of one time span.

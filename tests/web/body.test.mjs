@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
   areasOf,
+  besideCut,
   entryIn,
   hazardAs,
   hazardForm,
@@ -13,10 +14,12 @@ import {
   targetAs,
 } from '../../client/web/app/lib/body.js';
 import { withValue } from '../../client/web/app/lib/paths.js';
+import { momentWords, wayInSection } from '../../client/web/app/lib/recording.js';
 import { kProfileShape, shownOf } from '../../client/web/app/lib/shape.js';
 import { followLayerNames } from '../../client/web/app/lib/tissue.js';
 import { HazardFields, TargetFields } from '../../client/web/app/profile/anatomy.js';
 import { Structures } from '../../client/web/app/profile/structures.js';
+import { Tip } from '../../client/web/app/session/replay.js';
 import { BodyDrawing } from '../../client/web/app/ui/body_view.js';
 import { CheckField, formOf, NumberField, SelectField, TextField } from '../../client/web/app/ui/fields.js';
 import { Legend } from '../../client/web/app/ui/section.js';
@@ -182,6 +185,8 @@ test('a target or hazard that is a structure is called by both names', () => {
   assert.equal(regionWords(lumbar, { name: 'x', structure: 'gone' }), 'x (gone)');
   assert.equal(regionWords({ layers: [] }, { name: 'artery', kind: 'VESSEL' }), 'artery (Vessel)');
   assert.match(textOf(Legend({ profile: lumbar })), /◎ target: epidural space.*⚠ hazard: dural sac \(Nerve; dura/s);
+  assert.doesNotMatch(textOf(Legend({ profile: lumbar, path: true })), /capped/);
+  assert.match(textOf(Legend({ profile: lumbar, path: true, cap: true })), /tip, capped/);
   const both = { ...kBody, targets: [{ name: 'a', structure: 'nerve' }], hazards: [{ name: 'b', structure: 'nerve' }] };
   assert.deepEqual(
     [0, 1].map((i) => markOf(both, i)),
@@ -239,4 +244,71 @@ test('the cut of a body marks structures, shapes beside it, and the place of ins
   assert.deepEqual(clip(2).filter(Boolean), [nerve.path], 'a target only in the tissues that count');
   assert.match(of('entry')[0].props.d, new RegExp(`^M${0.002 * scale} ${0.001 * scale}l`));
   assert.match(textOf(drawing), /Not drawn, because a structure moves it: moved\./);
+});
+
+const close = (a, b) => assert.ok(Math.abs(a - b) < 1e-6, `${a} is not ${b}`);
+// X_WL turns x to y, and y to −x, then moves by (1, 2, 3): W has (1 − y, 2 + x, 3 + z)
+const h = Math.SQRT1_2,
+  kPlacement = [1, 2, 3, 0, 0, h, h];
+const kColumns = {
+  t_s: [0, 1, 2],
+  px_m: [0.798, 0.798, 0.798],
+  py_m: [2.1, 2.097, 2.105],
+  pz_m: [3.302, 3.301, 3.301],
+  // hub to tip along −z, and along y of W: x of L
+  qx: [1, 1, -h],
+  qy: [0, 0, 0],
+  qz: [0, 0, 0],
+  qw: [0, 0, h],
+  layer: [-1, 1, 1],
+  insertion_m: [0, 0.001, 0.001],
+  capped: [1, 0, 0],
+};
+
+test('a recording in W lies in the cut of a placed body', () => {
+  const way = wayInSection(kColumns, kSection, kPlacement);
+  const round = ({ u, w, v }) => [u, w, v].map((x) => Math.round(x * 1e9) / 1e9 + 0);
+  assert.deepEqual(way.points.map(round), [
+    [0.002, 0.001, 0],
+    [0.002, 0.002, 0.003],
+    [0.002, 0.002, -0.005],
+  ]);
+  // x of L points to the viewer
+  assert.deepEqual(way.axes.map(round), [
+    [0, 1, 0],
+    [0, 1, 0],
+    [0, 0, -1],
+  ]);
+  assert.equal(wayInSection({}, kSection, []).points.length, 0);
+});
+
+test('the tip over a cut: needle, path so far, the cap as a ball to scale, and how far it is beside the cut', () => {
+  const way = wayInSection(kColumns, kSection, kPlacement);
+  const props = { section: kSection, profile: kBody, label: 'a cut', room: 400, place: null, areas: areasOf(kSection) };
+  const drawn = (at_s, cap_m) => {
+    const over = ({ x, y, scale }) => Tip({ way, at_s, x, y, second: 'w', length_m: 0.0005, cap_px: cap_m * scale });
+    const all = elementsOf(BodyDrawing({ ...props, entry: undefined, over }));
+    return (name) => all.find((node) => node.props?.class === name)?.props;
+  };
+  const scale = (400 - 26 - 6.6 * 13) / 4 / 0.001;
+  const bare = drawn(1, 0);
+  assert.equal(bare('tip-cap'), undefined);
+  close(bare('tip-now').cx, 0.002 * scale);
+  close(bare('tip-now').cy, 0.002 * scale);
+  close(bare('tip-needle').x1, 0.002 * scale);
+  close(bare('tip-needle').y1, 0.0015 * scale);
+  const at = (mm) => (mm * 0.001 * scale).toFixed(1);
+  assert.equal(bare('tip-path').points.trim(), `${at(2)},${at(1)} ${at(2)},${at(2)}`);
+  const capped = drawn(0, 0.0003);
+  assert.equal(capped('tip-now'), undefined);
+  close(capped('tip-cap').r, 0.0003 * scale);
+
+  const plain = (text) => text.replaceAll('\u00a0', ' ');
+  assert.deepEqual(
+    way.points.map(({ v }) => plain(besideCut(v))),
+    ['Tip in the cut, or at most 2 mm beside it', 'Tip 3 mm behind the cut', 'Tip 5 mm in front of the cut'],
+  );
+  const words = (i) => plain(momentWords(kColumns, i, kColumns.t_s[i], ['skin', 'ulnar nerve'], 1.5));
+  assert.equal(words(0), '0:00.0: outside, capped, 1.5 N');
+  assert.equal(words(1), '0:01.0: in ulnar nerve, 1 mm deep, 1.5 N');
 });

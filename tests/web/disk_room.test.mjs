@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
-import { kRoomLevels } from '../../client/web/app/lib/disk_room.js';
+import { kRoomLevels } from '../../client/web/app/lib/database.js';
 import { upkeep } from '../../client/web/app/net/requests.js';
 import { logIn } from '../../client/web/app/net/session.js';
 import { RoomText } from '../../client/web/app/pages/upkeep.js';

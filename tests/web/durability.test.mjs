@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
-import { kDurabilities } from '../../client/web/app/lib/durability.js';
+import { kDurabilities } from '../../client/web/app/lib/database.js';
 import { upkeep } from '../../client/web/app/net/requests.js';
 import { logIn } from '../../client/web/app/net/session.js';
 import { StoreText } from '../../client/web/app/pages/upkeep.js';

@@ -107,6 +107,14 @@ test('every page of every list, and what is below it', async () => {
       part,
     );
   }
+  for (const [of, status] of [
+    [lab.sessions.at(-1).session_id, 200],
+    [id, 400],
+  ])
+    assert.equal(
+      (await ask('ines', 'GET', '/sessions/{id}/section', { path: `/sessions/${of}/section` })).status,
+      status,
+    );
   const first = await ask('ines', 'GET', '/groups', { path: '/groups?brief=yes&limit=1' });
   assert.deepEqual(first.body.items[0].members, []);
   assert.ok(first.body.items[0].member_count > 0);

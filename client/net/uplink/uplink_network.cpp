@@ -379,6 +379,7 @@ void Uplink::sendStatus() {
   pb::StationStatus& status = *envelope.mutable_station_status();
   {
     const std::scoped_lock lock(mutex_);
+    status.set_layer(-1);  // before the first sample
     status.set_spool_left(state_.chunks_left);
     for (const auto& [source, text] : troubles_)
       status.set_trouble(status.trouble() + (status.trouble().empty() ? "" : "; ") + text);

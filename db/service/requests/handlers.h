@@ -128,6 +128,7 @@ Result<pb::Reply> verifySession(const Context& context, const pb::VerifySession&
 Result<pb::Reply> annotate(const Context& context, const pb::Annotate& call);
 Result<pb::Reply> listAnnotations(const Context& context, const pb::ListAnnotations& call);
 Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call);
+Result<pb::Reply> getSection(const Context& context, const pb::GetSection& call);
 
 /// A session by its id from the network, if the requester may see it: a trainee sees only their own, and gets
 /// the error for unknown sessions for all others.

@@ -202,6 +202,8 @@ constexpr RequestRow kRows[] = {
   {Call::kVerifySession,           "session verify",       kStaff,                to<verifySession>,             Reply::kVerified, kSlow},
   {Call::kListEvents,              "session events",       kPeople,               to<listEvents>,                Reply::kEvents, kWorkers,
    {{"GET /sessions/{id}/events?page", "Aspirations and injections"}}},
+  {Call::kGetSection,              "session section",      kPeople,               to<getSection>,                Reply::kSection, kViews,
+   {{"GET /sessions/{id}/section", "The session's body, cut where the needle first came in"}}},
   {Call::kListAnnotations,         "annotate list",        kPeople,               to<listAnnotations>,           Reply::kAnnotations, kWorkers,
    {{"GET /sessions/{id}/annotations?page", "Remarks"}}},
   {Call::kAnnotate,                "annotate",             kInstructor | kAdmin,  to<annotate, kStores>,         Reply::kAnnotation, kWorkers,

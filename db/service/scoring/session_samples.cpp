@@ -36,14 +36,6 @@ std::string unscoredKey(const Uuid& session) {
 // 0.1 points per sample at 1 kHz: the limit is twice the motion of the longest session
 static_assert(kMaxMotionPoints == 2 * kMaxScoredSamples / 10);
 
-Pose poseOf(const google::protobuf::RepeatedField<double>& numbers) {
-  Pose pose;
-  if (numbers.size() != 7) return pose;
-  pose.p = {numbers[0], numbers[1], numbers[2]};
-  pose.q = {numbers[3], numbers[4], numbers[5], numbers[6]};
-  return pose;
-}
-
 Result<std::vector<GestureSample>> samplesOfChunk(Connection& reader, const Uuid& id, std::uint64_t seq) {
   ASSIGN_OR_RETURN(const auto chunks, SessionStore(reader).readChunks(id, seq, 1, kReadBytes));
   if (chunks.empty())
@@ -62,6 +54,15 @@ Result<std::optional<Transaction>> viewOfStep(Connection& reader) {
 
 }  // namespace
 
+Pose storedPlacement(const pb::SessionDescription& session) {
+  const auto& numbers = session.placement();
+  Pose X_WL;
+  if (numbers.size() != 7) return X_WL;
+  X_WL.p = {numbers[0], numbers[1], numbers[2]};
+  X_WL.q = {numbers[3], numbers[4], numbers[5], numbers[6]};
+  return X_WL;
+}
+
 Status SessionReading::begin(Connection& reader) {
   ASSIGN_OR_RETURN(all_.info, SessionStore(reader).info(session_));
   const pb::SessionInfo& info = all_.info;
@@ -79,7 +80,7 @@ Status SessionReading::begin(Connection& reader) {
   }
   ASSIGN_OR_RETURN(all_.profile, parseProfile(info.description().profile_json(),
                                               "profile of session " + uuidText(session_)));
-  all_.X_WL = poseOf(info.description().placement());
+  all_.X_WL = storedPlacement(info.description());
   all_.samples = RecordedSamples::ofBlocks([read_by = reader_, session = session_](std::size_t seq) {
     return samplesOfChunk(**read_by, session, seq);
   });

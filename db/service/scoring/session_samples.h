@@ -40,6 +40,9 @@ struct SessionSamples {
   RecordedSamples samples;
 };
 
+/// X_WL, the pose of the profile's frame in the session.
+Pose storedPlacement(const pb::SessionDescription& session);
+
 /// Reads and checks the whole session once, and holds part of it. kInvalidInput: the profile text is invalid,
 /// the gesture is longer than kMaxScoredSamples or in more chunks than kScoredChunksBesides allows, its
 /// motion exceeds the limits of common/scoring/motion/motion_cost.h, or retention has removed the original;

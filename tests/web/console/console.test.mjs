@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { after, before, describe, it } from 'node:test';
 import { access } from './access.mjs';
+import { bodies } from './bodies.mjs';
 import { Browser } from './browser.mjs';
 import { Lab } from './lab.mjs';
 import { longLists } from './lists.mjs';
@@ -35,6 +36,7 @@ describe('the web console', { concurrency: false }, () => {
     });
     trouble(t);
   });
+  describe('bodies', () => bodies(t));
   describe('malformed documents', () => malformed(t));
   describe('upkeep', () => upkeep(t));
   describe('roles', () => roles(t));

@@ -2,6 +2,7 @@
 import { readFileSync, readdirSync } from 'node:fs';
 import { measureText } from '../../../client/web/app/lib/measures.js';
 import { gesture, random } from './gesture.mjs';
+import { bandsOf } from './section.mjs';
 
 const kSamples = new URL('../../../db/samples/', import.meta.url);
 const kDay_ms = 86_400_000;
@@ -245,6 +246,18 @@ export function makeLab() {
         sessions.push(session);
       }
     });
+  });
+  const body = read('volumes/lumbar-median.json'),
+    of_body = { seed: sessions.length + 1, skill: 0.9, depth_m: 0.051 };
+  sessions.push({
+    ...sessions.at(-1),
+    ...of_body,
+    session_id: '019a9c00-0000-7000-8000-0000000b0d1e',
+    exercise_id: 'lumbar-epidural',
+    started_unix_ms: kNow_ms - kDay_ms,
+    profile_id: body.id,
+    profile: body, // no other page shows it
+    gesture: gesture(bandsOf(body), of_body),
   });
   const annotations = new Map([
     [

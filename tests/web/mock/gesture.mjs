@@ -23,7 +23,7 @@ function smooth(x) {
 }
 
 /**
- * @param {object} profile
+ * @param {object} profile with `palpation` the cap is on until the needle is near
  * @param {{seed: number, skill: number, depth_m: number}} hand skill 0 (novice) to 1 (expert)
  * @returns {Record<string, (number|null)[]>} columns as in the CSV of a session
  */
@@ -54,6 +54,7 @@ export function gesture(profile, { seed, skill, depth_m }) {
       'insertion_m',
       'lateral_error_m',
       'plunger',
+      'capped',
     ].map((n) => [n, []]),
   );
   let before = -0.02;
@@ -115,6 +116,7 @@ export function gesture(profile, { seed, skill, depth_m }) {
             : t < kBegin_s + insert_s + 2.5
               ? 0.4 + 0.5 * smooth((t - kBegin_s - insert_s - 1) / 1.5)
               : 0.9,
+      capped: profile.palpation && t < 0.5 * kBegin_s ? 1 : 0,
     };
     for (const name of Object.keys(columns)) columns[name].push(row[name]);
   }

@@ -1,6 +1,7 @@
 // The REST table of the server over the mock's lab: [method, path, roles, handler]. Replies as server/web writes them.
 import { bandOf, comparisonOf, kNow_ms, measures, scoreOf } from './data.mjs';
 import { courseProblemsOf, preview, problemsOf } from './profiles.mjs';
+import { sectionOf } from './section.mjs';
 
 const kStaff = ['INSTRUCTOR', 'CURRICULUM_MANAGER', 'ADMINISTRATOR'],
   kManagers = kStaff.slice(1),
@@ -129,6 +130,7 @@ const scoreReply = (lab, s, first) => {
   };
 };
 const passedOf = (rows) => rows.every((row) => row.passed !== false);
+const profileOf = (lab, s) => s.profile ?? lab.profiles.get(s.profile_id)[0].json;
 const infoOf = (lab, s) => ({
   description: {
     session_id: s.session_id,
@@ -137,7 +139,7 @@ const infoOf = (lab, s) => ({
     exercise_id: s.exercise_id,
     profile_id: s.profile_id,
     profile_revision: s.profile_revision,
-    profile: lab.profiles.get(s.profile_id)[0].json,
+    profile: profileOf(lab, s),
     engine_version: '0.1.0',
     rate_hz: 1000,
     resolution: { length_m: 1e-6, quaternion: 2 ** -15, force_n: 1e-3, torque_nm: 1e-4, time_s: 1e-6, speed_m_s: 1e-4 },
@@ -782,6 +784,11 @@ export const kTable = [
   get('sessions/:id/samples', kPeople, ({ lab, params, query, who }) =>
     samplesOf(sessionOf(lab, params.id, who), query),
   ),
+  get('sessions/:id/section', kPeople, ({ lab, params, who }) => {
+    const profile = profileOf(lab, sessionOf(lab, params.id, who));
+    if (!profile.volume) throw new Refusal(400, 'invalid_input', 'volume: is missing: only a body can be cut');
+    return sectionOf(profile);
+  }),
   get('sessions/:id/annotations', kPeople, ({ lab, params, who }) => ({
     items: lab.annotations.get(sessionOf(lab, params.id, who).session_id) ?? [],
     next_page: '',

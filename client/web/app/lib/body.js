@@ -1,7 +1,7 @@
 // A body: its structures, the targets and hazards that are structures, and its cut as the server sends it
 // (ProfileSection). Pure; metres.
 import { layerNames, structureColor } from './tissue.js';
-import { words } from './units.js';
+import { quantity, words } from './units.js';
 
 /** The ids and usual names of a profile's structures. @returns {[string, string][]} */
 export function structuresOf(profile) {
@@ -123,3 +123,11 @@ export function inSection({ corner_m, across, upward, point_m, rows }, p) {
   const out = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   return { u: along(a), w: rows * point_m - along(b), v: -along(out) };
 }
+
+const kBeside_m = 0.002; // a tip farther from the cut than this is beside it
+
+/** "Tip 4 mm behind the cut". @param {number} v of `inSection` */
+export const besideCut = (v) =>
+  Math.abs(v) > kBeside_m
+    ? `Tip ${quantity(Math.abs(v), 'm', { digits: 2 })} ${v > 0 ? 'behind' : 'in front of'} the cut`
+    : 'Tip in the cut, or at most 2\u00a0mm beside it';

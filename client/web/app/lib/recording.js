@@ -1,8 +1,11 @@
 // The columns of a recording as plots and replays need them, and the position of a replay. Pure.
+import { inSection } from './body.js';
 import { indexAt } from './decimate.js';
 import { kMeasures } from './measure_rows.js';
-import { axisOf, depthOf, frameOf, inFrame, placed } from './scene.js';
+import { add, axisOf, depthOf, frameOf, inFrame, placed } from './scene.js';
+import { clock } from './time.js';
 import { profileLayers } from './tissue.js';
+import { quantity } from './units.js';
 
 /** The columns of a reply of /samples by name, whether they are under `columns` or at the top. */
 export function columnsOf(reply) {
@@ -49,15 +52,9 @@ export function intoLimb(placement) {
   return (p, free) => rotate(free ? p : { x: p.x - x, y: p.y - y, z: p.z - z });
 }
 
-/**
- * The tip's path in the frame of its first insertion: the side view's plane holds the skin's normal and the needle.
- * @param {Record<string, number[]>} columns
- * @param {any} profile with a limb
- * @param {number[]} [placement]
- */
-export function wayOf(columns, profile, placement) {
+/** The tip's points and the needle's axes, in the profile's frame. */
+function posesOf(columns, placement) {
   const limb = intoLimb(placement),
-    depth = depthOf(profile.limb),
     n = columns.t_s?.length ?? 0;
   const points = [],
     axes = [];
@@ -69,6 +66,18 @@ export function wayOf(columns, profile, placement) {
         : { x: 0, y: 0, z: -1 },
     );
   }
+  return { points, axes };
+}
+
+/**
+ * The tip's path in the frame of its first insertion: the side view's plane holds the skin's normal and the needle.
+ * @param {Record<string, number[]>} columns
+ * @param {any} profile with a limb
+ * @param {number[]} [placement]
+ */
+export function wayOf(columns, profile, placement) {
+  const depth = depthOf(profile.limb),
+    { points, axes } = posesOf(columns, placement);
   const first = points.findIndex((p) => depth(p) > 0);
   const entry =
     first < 0
@@ -88,6 +97,22 @@ export function wayOf(columns, profile, placement) {
     axes: leans,
     deepest_m: Math.max(0, ...flat.map((p) => p.d).filter(Number.isFinite)),
   };
+}
+
+/**
+ * The tip's path in the cut of a body, which has the places of `inSection`.
+ * @param {Record<string, number[]>} columns
+ * @param {any} section ProfileSection
+ * @param {number[]} [placement]
+ */
+export function wayInSection(columns, section, placement) {
+  const { points, axes } = posesOf(columns, placement);
+  const at = points.map((p) => inSection(section, p));
+  const leans = axes.map((axis, i) => {
+    const ahead = inSection(section, add(points[i], axis));
+    return { u: ahead.u - at[i].u, w: ahead.w - at[i].w, v: ahead.v - at[i].v };
+  });
+  return { t_s: columns.t_s ?? [], points: at, axes: leans };
 }
 
 /** How long a contact must be over before the next one can begin: common/scoring/anatomy/contacts.h. */
@@ -243,6 +268,17 @@ export function contactWords(measures, { measure, name, one, more, moments_s: { 
   if (known && shown === 0) return { many, moments: 'too short for the plot' };
   const short = known && counted > shown ? `, ${counted - shown} too short for the plot` : '';
   return { many, moments: `moments that are shown${short}` };
+}
+
+/** Whether the needle has its cap on at a sample. */
+export const isCapped = ({ capped }, i) => capped?.[i] > 0;
+
+/** "0:04.2: in fat, 12 mm deep, 1.3 N": the moment of a sample. */
+export function momentWords(columns, i, at_s, names, force_n) {
+  const layer = columns.layer?.[i] ?? -1,
+    name = names[layer] ?? `layer ${layer + 1}`;
+  const where = layer >= 0 ? `in ${name}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
+  return `${clock(at_s)}: ${where}${isCapped(columns, i) ? ', capped' : ''}, ${quantity(force_n, 'N')}`;
 }
 
 /** Index of the sample at a moment. */

@@ -151,6 +151,8 @@ export const sessions = {
   excuse: (id, excused, reason) => post(['sessions', id, 'excuse'], { excused, reason }),
   events: (id, signal) => getAll(['sessions', id, 'events'], { signal }),
   samples: (id, query, signal) => get(['sessions', id, 'samples'], { signal, query }),
+  /** The body of the session's profile, cut where the needle first came in. */
+  section: (id, signal) => get(['sessions', id, 'section'], { signal }),
   /** Remarks have a moment: `t_s` since the first sample. */
   annotations: (id, signal) => getAll(['sessions', id, 'annotations'], { signal }),
   annotate: (id, t_s, text) => post(['sessions', id, 'annotations'], { t_s, text }),

@@ -1,7 +1,6 @@
 // Free space on the disk, what recordings survive, a backup now, a check that everything can be read, scores computed
 // again, and settings of the whole lab.
-import { roomLevel } from '../lib/disk_room.js';
-import { durability, missing, storingTrouble } from '../lib/durability.js';
+import { durability, missing, roomLevel, storingTrouble } from '../lib/database.js';
 import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';

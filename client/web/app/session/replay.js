@@ -1,35 +1,83 @@
-// The replay of the tip in two views: from the side, in the plane of the insertion, and from above.
+// The replay of the tip: from the side, in the plane of the insertion, and from above; in a body, in its cut there.
+import { besideCut } from '../lib/body.js';
 import { minMax } from '../lib/decimate.js';
-import { contactWords, forceOf, kSpeeds, sampleAt, wayOf } from '../lib/recording.js';
+import {
+  contactWords,
+  forceOf,
+  isCapped,
+  kSpeeds,
+  momentWords,
+  sampleAt,
+  wayInSection,
+  wayOf,
+} from '../lib/recording.js';
 import { clock } from '../lib/time.js';
 import { layerNames } from '../lib/tissue.js';
-import { quantity } from '../lib/units.js';
+import { sessions } from '../net/requests.js';
+import { BodyView } from '../ui/body_view.js';
 import { SelectField } from '../ui/fields.js';
+import { useLoad } from '../ui/hooks.js';
 import { html, useId, useMemo } from '../ui/html.js';
 import { Legend, SideView, TopView } from '../ui/section.js';
+import { Loaded } from '../ui/widgets.js';
 
-const kTrail = 400;
+const kTrail = 400,
+  kCap_m = 0.003; // radius of the capped tip, if the profile does not say it
 
-/** Tip, needle and trail in one view. */
-function Tip({ way, at_s, x, y, second, length_m }) {
+/** Tip, needle and trail in one view. @param {any} props `cap_px`: radius of the tip's cap while it is on */
+export function Tip({ way, at_s, x, y, second, length_m, cap_px }) {
   const i = sampleAt(way, at_s),
     here = way.points[i],
     lean = way.axes[i];
-  const trail = useMemo(() => {
-    const step = Math.max(1, Math.floor(way.points.length / kTrail));
-    return way.points.map((p, k) => ({ p, k })).filter(({ k }) => k % step === 0);
-  }, [way]);
   if (!here) return null;
-  const done = trail
-    .filter(({ k }) => k <= i)
-    .map(({ p }) => `${x(p.u).toFixed(1)},${y(p[second]).toFixed(1)}`)
-    .join(' ');
+  const step = Math.max(1, Math.floor(way.points.length / kTrail));
+  let done = '';
+  for (let k = 0; k <= i; k += step) done += `${x(way.points[k].u).toFixed(1)},${y(way.points[k][second]).toFixed(1)} `;
   const hub = { u: here.u - lean.u * length_m, w: here[second] - lean[second] * length_m };
   return html`
     <polyline class="tip-path" points=${done} />
     <line class="tip-needle" x1=${x(hub.u)} y1=${y(hub.w)} x2=${x(here.u)} y2=${y(here[second])} />
-    <circle class="tip-now" cx=${x(here.u)} cy=${y(here[second])} r="5" />
+    <circle
+      class=${cap_px ? 'tip-cap' : 'tip-now'}
+      cx=${x(here.u)}
+      cy=${y(here[second])}
+      r=${cap_px ? Math.max(5, cap_px) : 5}
+    />
   `;
+}
+
+/** The tip's path in the cut of a body. @param {{section: any, columns: any, profile: any, placement: number[], at_s: number}} props */
+function InBody({ section, columns, profile, placement, at_s }) {
+  const way = useMemo(() => wayInSection(columns, section, placement), [columns, section, placement]);
+  const i = sampleAt(way, at_s);
+  const cap_m = isCapped(columns, i) ? (profile.palpation?.radius_m ?? kCap_m) : 0;
+  const tip = ({ x, y, scale }) =>
+    html`<${Tip}
+      way=${way}
+      at_s=${at_s}
+      x=${x}
+      y=${y}
+      second="w"
+      length_m=${profile.needle?.length_m ?? 0.05}
+      cap_px=${cap_m * scale}
+    />`;
+  return html`
+    <h3>Cut through the body</h3>
+    <${BodyView}
+      section=${section}
+      profile=${profile}
+      label="Cut through the body where the needle first came in, with the tip's path"
+      over=${tip}
+    />
+    <p class="help">${besideCut(way.points[i]?.v ?? 0)}</p>
+    <${Legend} profile=${profile} path cap=${columns.capped?.some((on) => on > 0)} />
+  `;
+}
+
+/** The server cuts the body. @param {{id: string, columns: any, profile: any, placement: number[], at_s: number}} props */
+function Body({ id, ...shown }) {
+  const load = useLoad((signal) => sessions.section(id, signal), [id]);
+  return html`<${Loaded} load=${load}>${(section) => html`<${InBody} section=${section} ...${shown} />`}<//>`;
 }
 
 /** The tip's path in a limb. @param {{columns: any, profile: any, placement: number[], at_s: number}} props */
@@ -102,7 +150,7 @@ function Contacts({ kind, measures, seek }) {
 /** @param {{columns: any, session: any, contacts: import('../lib/recording.js').ContactsOfKind[], measures: any[]|undefined, playback: import('../lib/recording.js').Playback, act: {toggle: () => void, seek: (s: number) => void, speed: (n: number) => void}}} props */
 export function Replay({ columns, session, contacts, measures, playback, act }) {
   const id = useId();
-  const { profile, placement } = session.description;
+  const { session_id, profile, placement } = session.description;
   const force = useMemo(() => forceOf(columns), [columns]);
   const keys = (event) => {
     if (event.target.closest('input, select, button')) return;
@@ -112,17 +160,11 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
     else return;
     event.preventDefault();
   };
-  const i = sampleAt(columns, playback.at_s),
-    layer = columns.layer?.[i] ?? -1;
-  const name = layerNames(profile)[layer] ?? `layer ${layer + 1}`;
-  const where = layer >= 0 ? `in ${name}, ${quantity(columns.insertion_m?.[i], 'm')} deep` : 'outside';
-  const place = `${clock(playback.at_s)}: ${where}, ${quantity(force[i], 'N')}`;
+  const i = sampleAt(columns, playback.at_s);
+  const place = momentWords(columns, i, playback.at_s, layerNames(profile), force[i]);
+  const shown = { columns, profile, placement, at_s: playback.at_s };
   return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
-    ${
-      profile.volume
-        ? html`<p class="help">This patient is a body: the instructor's window shows the needle in it.</p>`
-        : html`<${Views} columns=${columns} profile=${profile} placement=${placement} at_s=${playback.at_s} />`
-    }
+    ${profile.volume ? html`<${Body} id=${session_id} ...${shown} />` : html`<${Views} ...${shown} />`}
     <div class="actions">
       <button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
       <label for=${id}>Moment</label>

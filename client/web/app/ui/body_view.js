@@ -8,15 +8,18 @@ import { html, useMemo } from './html.js';
 const kWidth = 640,
   kLetter_px = 6.6; // of a name, 12 px high
 
-/** @param {{section: any, profile: any, label: string}} props */
+/**
+ * @param {{section: any, profile: any, label: string, over?: (at: {x: (u: number) => number, y: (w: number) => number, scale: number}) => any}} props
+ *   `over` draws in pixels on top
+ */
 export function BodyView(props) {
   const [place, room] = useWidth(kWidth);
   const seen = useMemo(() => ({ areas: areasOf(props.section), entry: entryIn(props.section) }), [props.section]);
   return html`<${BodyDrawing} ...${props} ...${seen} place=${place} room=${room} />`;
 }
 
-/** @param {{section: any, profile: any, label: string, areas: any[], entry: any, place: any, room: number}} props `room`: the width in pixels */
-export function BodyDrawing({ section, profile, label, areas, entry, place, room }) {
+/** @param {{section: any, profile: any, label: string, over?: any, areas: any[], entry: any, place: any, room: number}} props `room`: the width in pixels */
+export function BodyDrawing({ section, profile, label, over, areas, entry, place, room }) {
   const marked = areas.map((area) => ({ ...area, mark: markOf(profile, area.index) }));
   const longest = Math.max(0, ...areas.map((area) => area.name.length)),
     width = Math.max(320, room),
@@ -60,6 +63,7 @@ export function BodyDrawing({ section, profile, label, areas, entry, place, room
         </g>
         <${Shapes} shapes=${shapes} areaOf=${areaOf} x=${x} y=${x} scale=${scale} />
         ${entry && html`<${Entry} x=${x(entry.u)} y=${x(entry.w)} />`}
+        ${over?.({ x, y: x, scale })}
       </g>
       <${Ruler} length_m=${0.01} scale=${scale} height=${height} />
     <//>

@@ -105,8 +105,8 @@ export function TopView({ profile, frame, label, half_m = 0.03, over }) {
   </svg>`;
 }
 
-/** The legend of the drawings. */
-export function Legend({ profile, path }) {
+/** The legend of the drawings; `path` and `cap`: of a needle in them. */
+export function Legend({ profile, path, cap }) {
   const row = (kind, regions) =>
     regions?.length > 0 &&
     html`<li>
@@ -119,6 +119,12 @@ export function Legend({ profile, path }) {
       html`<li>
         <svg viewBox="0 0 24 12" aria-hidden="true"><path class="tip-path" d="M1 10C8 2 14 2 23 8" /></svg>path of the
         tip
+      </li>`
+    }
+    ${
+      cap &&
+      html`<li>
+        <svg viewBox="0 0 24 12" aria-hidden="true"><circle class="tip-cap" cx="12" cy="6" r="5" /></svg>tip, capped
       </li>`
     }
     ${

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <memory>
-#include <optional>
 #include <utility>
 
 #include "common/anatomy/field_body.h"
@@ -19,7 +18,7 @@ constexpr double kPoint_m = 0.25e-3;
 constexpr int kColumns = 416, kSectionRows = 320;
 constexpr double kAbove_m = 0.012;    // the drawing begins this far outside of the skin
 constexpr double kAtOrigin_m = 2e-3;  // a skin this near to the origin is the entry that the author meant
-constexpr double kAside_m = 3e-3;     // a target farther off the normal turns the cut
+constexpr double kAside_m = 3e-3;     // a needle's end or a target farther off the normal turns the cut
 
 /// Where the first target is: its point to aim at, or the deepest one of its structure. Nothing without a
 /// target.
@@ -42,19 +41,21 @@ void add(Vec3 v, google::protobuf::RepeatedField<double>& to) {
 
 }  // namespace
 
-Status addSection(const pb::Profile& profile, pb::ProfileSection& section) {
+Status addSection(const pb::Profile& profile, pb::ProfileSection& section,
+                  const std::optional<NeedleEntry>& needle) {
   ASSIGN_OR_RETURN(Field field, fieldOf(profile.volume()));
   const auto shared = std::make_shared<const FieldBody>(std::move(field));
   const FieldBody& body = *shared;
   const std::optional<Vec3> target_m = firstTarget_m(profile, body.field());
-  Vec3 entry_m;
-  if (target_m && std::fabs(body.depth(entry_m)) > kAtOrigin_m) entry_m = *target_m;
+  Vec3 entry_m = needle ? needle->tip_m : Vec3{};
+  if (!needle && target_m && std::fabs(body.depth(entry_m)) > kAtOrigin_m) entry_m = *target_m;
   entry_m = nearestSkin(BodyLimb{shared, {}}, entry_m, {0, 0, -1});
   Vec3 up = body.normal(entry_m);
   if (up == Vec3{}) up = {0, 0, 1};
 
   const auto level = [&](Vec3 way) { return way - up * dot(up, way); };
-  Vec3 across = target_m ? level(*target_m - entry_m) : Vec3{};
+  Vec3 across = needle ? level(needle->axis) * profile.needle().length_m() : Vec3{};
+  if (norm(across) < kAside_m && target_m) across = level(*target_m - entry_m);
   if (norm(across) < kAside_m) across = level({0, 1, 0});
   if (norm(across) < 1e-6) across = level({1, 0, 0});
   across = normalized(across);

@@ -7,12 +7,14 @@
 
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
+#include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/measures/syringe_events.h"
 #include "db/service/context/long_work.h"
 #include "db/service/requests/handlers.h"
+#include "db/service/requests/lessons/profile_section.h"
 #include "db/service/scoring/held_results.h"
 #include "db/service/scoring/session_samples.h"
 #include "db/service/scoring/session_scoring.h"
@@ -326,6 +328,53 @@ Result<pb::Reply> listEvents(const Context& context, const pb::ListEvents& call)
     }
     *list->add_events() = std::move(event);
   }
+  return reply;
+}
+
+namespace {
+
+/// Where the needle first came into tissue, in the profile's frame; nothing: it never did. Damaged chunks are
+/// left out.
+Result<std::optional<NeedleEntry>> firstEntry(const Context& context, const Uuid& id,
+                                              const pb::SessionInfo& info) {
+  constexpr std::uint32_t kChunksAtOnce = 64;
+  constexpr std::size_t kBytesAtOnce = std::size_t{1} << 20;
+  const Pose X_LW = inverse(storedPlacement(info.description()));
+  for (std::uint64_t seq = 0; seq < info.chunks();) {
+    if (context.parts.long_work.cancelled.load(std::memory_order_relaxed))
+      return Error{ErrorCode::kUnavailable, "the server ends"};
+    ASSIGN_OR_RETURN(const auto read,
+                     SessionStore(context.reader).readAround(id, seq, kChunksAtOnce, kBytesAtOnce));
+    for (const StoredChunk& chunk : read.chunks) {
+      const auto samples = decodeChunk(chunk.bytes);
+      if (!samples) continue;
+      for (const GestureSample& s : *samples) {
+        if (s.layer < 0) continue;
+        const Quat q_WT{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]};
+        return std::optional(
+            NeedleEntry{X_LW * Vec3{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]}, rotate(X_LW.q, zAxis(q_WT))});
+      }
+    }
+    if (read.next_seq <= seq) break;
+    seq = read.next_seq;
+  }
+  return std::optional<NeedleEntry>();
+}
+
+}  // namespace
+
+Result<pb::Reply> getSection(const Context& context, const pb::GetSection& call) {
+  ASSIGN_OR_RETURN(const auto info, visibleSession(context, call.session_id()));
+  RETURN_IF_ERROR(requireShown(info));
+  const auto id = *sessionId(call.session_id());
+  ASSIGN_OR_RETURN(const auto profile,
+                   parseProfile(info.description().profile_json(), "profile of session " + uuidText(id)));
+  if (!profile.has_volume())
+    return Error{ErrorCode::kInvalidInput,
+                 "profile of session " + uuidText(id) + ", volume: is missing: only a body can be cut"};
+  ASSIGN_OR_RETURN(const auto needle, firstEntry(context, id, info));
+  pb::Reply reply;
+  RETURN_IF_ERROR(addSection(profile, *reply.mutable_section(), needle));
   return reply;
 }
 

@@ -232,7 +232,8 @@ TEST(WebRoles, aTraineeSeesItsOwnSessionsOnly) {
   lab.server().addUser("tom", pb::TRAINEE, kWebPassword);
   const std::string id = lab.recorded(3);  // tina's
   Browser tina = lab.browserOf("tina"), tom = lab.browserOf("tom"), ines = lab.browserOf("ines");
-  for (const char* below : {"", "/score", "/events", "/samples", "/samples.csv", "/annotations"}) {
+  for (const char* below :
+       {"", "/score", "/events", "/samples", "/samples.csv", "/section", "/annotations"}) {
     const std::string path = "/api/v1/sessions/" + id + below;
     // Without a profile there is no score.
     if (std::string(below) != "/score") {

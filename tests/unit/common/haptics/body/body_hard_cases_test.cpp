@@ -237,9 +237,9 @@ TEST(BodyHardCases, twoStructuresInOneTickAreBothPassed) {
   }
 }
 
-// Fascia of 1 mm on one side only, a capsule below both sides, holes of 1 mm. A hole is one of a structure: after
-// a needle through the fascia, one beside it, which meets no fascia, must still rupture the capsule, as its
-// second membrane. Control: the same way again finds the holes of skin and fascia open.
+// Fascia of 1 mm on one side only, a capsule below both sides, holes of 1 mm. A hole is one of a structure:
+// after a needle through the fascia, one beside it, which meets no fascia, must still rupture the capsule, as
+// its second membrane. Control: the same way again finds the holes of skin and fascia open.
 TEST(BodyHardCases, aHoleStaysWithItsStructureWhereMembranesDiffer) {
   FieldSpec field = slabOfTissue();
   field.groups.push_back({"left", {halfSpace({}, {1, 0, 0})}});

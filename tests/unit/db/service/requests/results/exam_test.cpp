@@ -330,11 +330,12 @@ TEST_F(Exam, itsAidsAreFixed) {
 TEST_F(Exam, itsResultsAreHiddenFromTraineesBeforeTheirDate) {
   putCourse({{"exam", true}, {"results_from_unix_ms", kLater_ms}});
   const Uuid id = attempt("anna", "first", true);
-  pb::Request session, score, attempt_of, events, all, passed, person;
+  pb::Request session, score, attempt_of, events, section, all, passed, person;
   session.mutable_get_session()->set_session_id(test::bytesOfId(id));
   score.mutable_get_score()->set_session_id(test::bytesOfId(id));
   attempt_of.mutable_get_attempt()->set_session_id(test::bytesOfId(id));
   events.mutable_list_events()->set_session_id(test::bytesOfId(id));
+  section.mutable_get_section()->set_session_id(test::bytesOfId(id));
   all.mutable_list_sessions();
   passed.mutable_list_sessions()->set_verdict(pb::ListSessions::PASSED);
   person.mutable_export_person()->set_name("anna");
@@ -372,7 +373,7 @@ TEST_F(Exam, itsResultsAreHiddenFromTraineesBeforeTheirDate) {
     ASSERT_OK(closed);
     EXPECT_EQ(closed->score_json.empty(), !shown) << "the station that brings it again";
     if (!shown) {
-      for (const pb::Request& request : {score, events}) {
+      for (const pb::Request& request : {score, events, section}) {
         const auto refused = ask(trainee, request);
         ASSERT_TRUE(refused.error.has_value());
         EXPECT_EQ(refused.error->code, ErrorCode::kDenied);
