@@ -110,8 +110,8 @@ double wholeRate(double tick_s) {
   return rate_hz > 0 && std::abs(rate_hz * tick_s - 1) <= kOff ? rate_hz : 0;
 }
 
-/// A busy computer may miss this much; the recording still counts as complete.
-constexpr double kMaxMissed_s = 0.1;
+/// A busy computer may stop the loop for so long; the recording still counts as complete.
+constexpr double kMaxMissed_s = 0.5;
 
 /// Detects deleted rows; a thinned recording has every n-th tick.
 std::vector<std::string> holesOf(const std::vector<GestureSample>& samples, double tick_s) {
