@@ -29,10 +29,6 @@ export function bodies(t) {
     const drawing = page.getByRole('img', { name: /^Cut through the body where the needle first came in/ });
     await drawing.getByText('Subcutaneous fat', { exact: true }).waitFor();
     const moment = page.getByRole('slider', { name: 'Moment' });
-    await moment.fill(String(columns.t_s[columns.capped.indexOf(1)]));
-    await page.getByText(/: outside, capped, /).waitFor();
-    assert.equal(await drawing.locator('.tip-cap').count(), 1);
-
     // a straight way: the tip is as far from the place of insertion as it is deep
     const deepest = columns.insertion_m.indexOf(Math.max(...columns.insertion_m));
     await moment.fill(columns.t_s[deepest].toFixed(2));
