@@ -11,6 +11,8 @@
 namespace needlelab {
 namespace {
 
+constexpr double kSkinGives_m = 5e-3;
+
 constexpr std::array<AlarmKind, 7> kAlarmKinds = {{
     {Alarm::kFault, "fault", "NO FORCE", false, true},
     {Alarm::kHazard, "hazard", "HAZARD", true, true},
@@ -91,7 +93,9 @@ std::span<const ActiveAlarm> GestureAlarms::add(const AlarmTick& tick) {
     for (std::size_t h = 0; h < hazards; ++h)
       check(h, distanceTo(hazards_[h], tick.tip_W_m, tick.skin_W_m) <= 0);
     check(hazards, bones_.isIn(tick.layer, tick.tip_W_m));
-    const double depth_m = depthAt(anatomy_, tick.tip_W_m);
+    // a tip is no deeper than its shaft in the tissue is long, but for the way that the skin gave
+    const bool is_far_in = norm(tick.tip_W_m - tick.skin_W_m) + kSkinGives_m > limits_.depth_m;
+    const double depth_m = is_far_in ? depthAt(anatomy_, tick.tip_W_m) : 0;
     check(hazards + 2, depth_m > limits_.depth_m, depth_m);
     check(hazards + 3, tick.hub_on_skin);
   }

@@ -178,7 +178,15 @@ Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL) {
 }
 
 double depthAt(const Anatomy& anatomy, Vec3 p_W_m) {
-  return anatomy.has_limb ? signedDepth(anatomy.limb, p_W_m) : 0;
+  if (!anatomy.has_limb) return 0;
+  const double depth_m = signedDepth(anatomy.limb, p_W_m);
+  if (!isVolume(anatomy) || !(depth_m > 0)) return depth_m;
+  // deep inside, a field's own number is only a lower bound
+  return norm(p_W_m - nearestSkin(anatomy.limb, p_W_m, {0, 0, -1}));
+}
+
+bool isUnderSkin(const Anatomy& anatomy, Vec3 p_W_m) {
+  return anatomy.has_limb && signedDepth(anatomy.limb, p_W_m) > 0;
 }
 
 int layerAtDepth(std::span<const double> layer_end_m, double depth_m) {

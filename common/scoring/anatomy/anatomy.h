@@ -52,8 +52,10 @@ struct Anatomy {
 /// `parseProfile`) gives an anatomy without one.
 Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL);
 
-/// Depth under the surface, negative outside; 0 without a limb.
+/// Depth below the nearest skin, negative outside; 0 without a limb. In a body up to some 50 µs.
 double depthAt(const Anatomy& anatomy, Vec3 p_W_m);
+/// Whether that is above 0; fast.
+bool isUnderSkin(const Anatomy& anatomy, Vec3 p_W_m);
 /// The index of the layer, in a volume of the structure, at a point; −1 outside. Scores, events and views all
 /// use this.
 int layerAt(const Anatomy& anatomy, Vec3 p_W_m);

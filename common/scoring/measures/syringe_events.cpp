@@ -56,7 +56,7 @@ Vec3 openingOf(const Surroundings& around, const GestureSample& s) {
 }
 
 bool isInTissue(const Surroundings& around, const GestureSample& sample, Vec3 opening_W_m) {
-  return isInside(sample) && depthAt(around.anatomy, opening_W_m) > 0;
+  return isInside(sample) && isUnderSkin(around.anatomy, opening_W_m);
 }
 
 bool isInTarget(const Surroundings& around, Vec3 p_W_m) {
