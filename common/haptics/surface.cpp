@@ -79,6 +79,12 @@ Vec3 nearestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
   return at;
 }
 
+double depthBelowSkin(const Limb& limb, Vec3 p) noexcept {
+  const double depth_m = signedDepth(limb, p);
+  if (!std::holds_alternative<BodyLimb>(limb) || !(depth_m > 0)) return depth_m;
+  return norm(p - nearestSkin(limb, p, {0, 0, -1}));
+}
+
 BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept {
   BonesNear near = limb.body->bonesNear(inverse(limb.X_WL) * p_W_m, within_m);
   for (std::size_t i = 0; i < near.count; ++i) {

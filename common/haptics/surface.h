@@ -15,6 +15,10 @@ Vec3 surfaceNormal(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 /// body, whose depth is not exact everywhere, found in a few steps.
 Vec3 nearestSkin(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
+/// Depth below the nearest skin, negative outside. As signedDepth, whose number deep in a body is only a
+/// lower bound; there it takes up to some 50 µs.
+double depthBelowSkin(const Limb& limb, Vec3 p_W_m) noexcept;
+
 /// The bones of a body nearer than `within_m`, as planes in W. Real-time safe.
 BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept;
 

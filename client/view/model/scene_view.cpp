@@ -121,7 +121,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   for (const Target& target : anatomy.targets) {
     const DepthSpan span = depthSpanOf(anatomy, target);
     const Vec3 center = target.ball.a_W_m, normal = surfaceNormal(view.limb_W, center, -zAxis(view.X_WL.q));
-    const double up_m = signedDepth(view.limb_W, center) - 0.5 * (span.top_m + span.bottom_m);
+    const double up_m = depthBelowSkin(view.limb_W, center) - 0.5 * (span.top_m + span.bottom_m);
     view.targets.push_back({target.ball.name, center, target.ball.radius_m, center + up_m * normal, normal,
                             span.top_m, span.bottom_m});
   }
@@ -134,7 +134,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   // Focus above the target; if a limb has no normal there (in its middle), the profile's z is up.
   const Vec3 from = view.targets.empty() ? middleOf(view.limb_W) : view.targets.front().center_W_m;
   view.focus_normal_W = surfaceNormal(view.limb_W, from, -zAxis(view.X_WL.q));
-  const double below_m = signedDepth(view.limb_W, from);
+  const double below_m = depthBelowSkin(view.limb_W, from);
   view.focus_W_m = nearestSkin(view.limb_W, from, -zAxis(view.X_WL.q));
   const double target_m = view.targets.empty() ? 0 : below_m;
   view.extent_m = std::clamp(std::max(0.9 * view.needle.length_m, 1.5 * target_m), 0.01, 0.5);
@@ -156,7 +156,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
 }
 
 double depthAt(const SceneView& scene, Vec3 p_W_m) {
-  return signedDepth(scene.limb_W, p_W_m);
+  return depthBelowSkin(scene.limb_W, p_W_m);
 }
 
 int layerAt(const SceneView& scene, double depth_m) {

@@ -81,7 +81,7 @@ struct SceneView {
 /// finite.
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {});
 
-/// Returns δ at a point of W, as the engine computes it: negative outside.
+/// Depth of a point below the nearest skin, negative outside.
 double depthAt(const SceneView& scene, Vec3 p_W_m);
 /// Returns the index of the layer at depth δ; −1 outside. In a volume: on the way from the focus to the
 /// target.

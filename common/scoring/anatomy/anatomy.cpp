@@ -178,11 +178,7 @@ Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL) {
 }
 
 double depthAt(const Anatomy& anatomy, Vec3 p_W_m) {
-  if (!anatomy.has_limb) return 0;
-  const double depth_m = signedDepth(anatomy.limb, p_W_m);
-  if (!isVolume(anatomy) || !(depth_m > 0)) return depth_m;
-  // deep inside, a field's own number is only a lower bound
-  return norm(p_W_m - nearestSkin(anatomy.limb, p_W_m, {0, 0, -1}));
+  return anatomy.has_limb ? depthBelowSkin(anatomy.limb, p_W_m) : 0;
 }
 
 bool isUnderSkin(const Anatomy& anatomy, Vec3 p_W_m) {

@@ -52,7 +52,7 @@ struct Anatomy {
 /// `parseProfile`) gives an anatomy without one.
 Anatomy anatomyOf(const pb::Profile& profile, const Pose& X_WL);
 
-/// Depth below the nearest skin, negative outside; 0 without a limb. In a body up to some 50 µs.
+/// Depth below the nearest skin, negative outside (depthBelowSkin); 0 without a limb.
 double depthAt(const Anatomy& anatomy, Vec3 p_W_m);
 /// Whether that is above 0; fast.
 bool isUnderSkin(const Anatomy& anatomy, Vec3 p_W_m);

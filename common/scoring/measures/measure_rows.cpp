@@ -17,7 +17,7 @@ namespace needlelab {
 // 7: being in a target requires being in its tissues; a profile whose targets name none scores as in 6.
 // 8: time to the landmark; forces with the cap on do not count as peak force. A patient without PALPATION
 // scores as in 7.
-const std::uint32_t kScoreDefinitionVersion = 8;
+const std::uint32_t kScoreDefinitionVersion = 9;
 
 namespace {
 
@@ -176,7 +176,7 @@ constexpr MeasureKind kMeasureKinds[] = {
      .unit = "m",
      .words = "Greatest depth",
      .better = Better::kNeither,
-     .definition = "of the tip under the surface, along its normal",
+     .definition = "of the tip below the nearest skin",
      .value = fact<&Facts::depth_m>,
      .role = MeasureRole::kDepth,
      .in_lists = 3},

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <variant>
 
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
@@ -178,7 +179,7 @@ double Gesture::weight_s(std::size_t i) const {
 
 namespace {
 
-/// - `depth_m`: of the tip under the surface, along its normal. `insertion_m`: along the trajectory.
+/// - `depth_m`: of the tip below the nearest skin. `insertion_m`: along the trajectory.
 /// - `peak_N`: greatest force on the hand in any tick. `impulse_Ns`, `weight_s`: over the time in tissue.
 ///   `layers`: while the tip was in the layer.
 /// - `lateral_m`: distance of the tip from its own trajectory, the line begun at its entry.
@@ -205,8 +206,7 @@ class TissueGroup : public SampleGroup {
     }
     layer_before_ = sample.layer;
     if (!isInside(sample)) return;
-    if (gesture_.anatomy.has_limb)
-      facts_.depth_m = std::max(facts_.depth_m, signedDepth(gesture_.anatomy.limb, tipOf(sample)));
+    if (gesture_.anatomy.has_limb) addDepth(tipOf(sample));
     facts_.insertion_m = std::max(facts_.insertion_m, sample.insertion_m);
     facts_.lateral_m = std::max(facts_.lateral_m, sample.lateral_error_m);
     const double weight_s = gesture_.weight_s(i);
@@ -234,8 +234,19 @@ class TissueGroup : public SampleGroup {
   }
 
  private:
+  // in a body it takes a search: not where the tip cannot be deeper than the greatest depth so far
+  void addDepth(Vec3 tip_W_m) {
+    const bool is_body = std::holds_alternative<BodyLimb>(gesture_.anatomy.limb);
+    if (is_body && norm(tip_W_m - depth_at_W_m_) + depth_there_m_ <= facts_.depth_m) return;
+    depth_at_W_m_ = tip_W_m;
+    depth_there_m_ = depthAt(gesture_.anatomy, tip_W_m);
+    facts_.depth_m = std::max(facts_.depth_m, depth_there_m_);
+  }
+
   const Gesture& gesture_;
   GestureFacts& facts_;
+  Vec3 depth_at_W_m_;  // where it was asked last
+  double depth_there_m_ = std::numeric_limits<double>::infinity();
   int layer_before_ = -1;
   GestureSample changed_;  // sample at the tip's last change of layer
   bool has_changed_ = false;

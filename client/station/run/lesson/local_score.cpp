@@ -9,6 +9,7 @@
 
 #include "common/gesture/chunk.h"
 #include "common/haptics/scene_model.h"
+#include "common/haptics/surface.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/measures/syringe_events.h"
 
@@ -52,7 +53,7 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
     if (strongest == nullptr) continue;
     const GestureSample& s = *strongest;
     curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
-                     static_cast<float>(signedDepth(limb_W, tipOf(s))), static_cast<float>(s.insertion_m),
+                     static_cast<float>(depthBelowSkin(limb_W, tipOf(s))), static_cast<float>(s.insertion_m),
                      static_cast<float>(forceIn(s)),
                      static_cast<float>(std::isnan(lateral_m) ? s.lateral_error_m : lateral_m),
                      static_cast<float>(s.speed_mps), static_cast<float>(planned_m)});

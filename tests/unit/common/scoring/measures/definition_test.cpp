@@ -106,7 +106,9 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
                                 // the profile's targets name no tissues
                                 {7, 0x72c3c92e5b005096},
                                 // the profile has no landmark
-                                {8, 0x72c3c92e5b005096}};
+                                {8, 0x72c3c92e5b005096},
+                                // depths in a body; the profile has layers
+                                {9, 0x72c3c92e5b005096}};
   if (std::getenv("NEEDLELAB_WRITE_GESTURES") != nullptr) {
     for (int i = 1; i <= kGoldenGestures; ++i) {
       auto writer = RecordingWriter::create(golden(i), "{}");

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <numbers>
 #include <stdexcept>
 #include <string_view>
 
+#include "common/profile/profile.h"
 #include "common/scoring/alarms/lesson_watch.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/measures/syringe_events.h"
@@ -87,6 +90,25 @@ TEST(VolumeScores, anInjectionIsWhereItIsInTheBallOfLayers) {
     EXPECT_NEAR(place.depth_m(), like.depth_m(), 1e-12);
     EXPECT_NEAR(place.target_distance_m(), like.target_distance_m(), 1e-12);
   }
+}
+
+// straight in at the origin, where the lumbar spine's skin is flat: as deep as the way is long
+TEST(VolumeScores, greatestDepthInTheLumbarSpineIsTheWay) {
+  const auto profile =
+      loadProfile(std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "db/samples/volumes/lumbar-median.json");
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+  const Anatomy anatomy = anatomyOf(*profile, {});
+  const auto samples = gesture(kGestureRate_hz, 3, [&](double t, GestureSample& sample) {
+    const Vec3 tip{0, 0, 0.005 - 0.055 * std::sin(std::numbers::pi * t / 3)};
+    setTip(sample, tip);
+    sample.layer = static_cast<std::int8_t>(layerAt(anatomy, tip));
+    sample.insertion_m = std::max(0.0, -tip.z);
+    sample.phase = static_cast<std::uint8_t>(sample.layer >= 0 ? Phase::kInserting : Phase::kFree);
+  });
+  const auto measures = scoreGesture(samples, kGestureRate_hz, *profile, {});
+  const auto row = std::ranges::find(measures, "greatest_depth_m", &Measure::name);
+  ASSERT_NE(row, measures.end());
+  EXPECT_NEAR(row->value, 0.05, 2e-4);
 }
 
 TEST(VolumeScores, aStructureIsTouchedAndReachedByItsOwnSurface) {
