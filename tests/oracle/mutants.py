@@ -19,7 +19,7 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # files to change, and the suites that should notice, quickest first
 SUBJECTS = {
-    "engine": (["common/haptics/tick.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "haptics_test"]),
+    "engine": (["common/haptics/tick.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "haptics_test", "body_test"]),
     "gate": (["common/haptics/gate/force_gate.cpp", "common/haptics/gate/passivity_control.cpp"], ["haptics_test", "stability_test"]),
     "writer": (["db/sessions/db_writer.cpp", "db/sessions/session_appends.cpp", "db/sessions/session_store.cpp"], ["db_test", "server_net_test"]),
     "spool": (["client/net/spool/spool*.cpp"], ["net_test", "spool_order_test"]),
