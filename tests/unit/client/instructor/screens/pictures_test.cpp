@@ -86,8 +86,9 @@ TEST_F(Pictures, lab) {
 TEST_F(Pictures, lookOver) {
   BenchStation bench(server_, "bench-1", key_, "tina");
   ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-text latency").ok());
+  // a viewer that joins in tissue has no exact forces until the tip has left it: the round shown begins later
   ASSERT_TRUE(
-      until([&] { return lab_->live()->trace().lastTime_s() - lab_->live()->trace().firstTime_s() > 6.5; }));
+      until([&] { return lab_->live()->trace().lastTime_s() - lab_->live()->trace().firstTime_s() > 10.2; }));
   lab_->live()->setSpan(2);
   // The hand repeats its motion every 3 s: 0.9 s into a round it is on the way in.
   const double newest_s = lab_->live()->trace().lastTime_s();

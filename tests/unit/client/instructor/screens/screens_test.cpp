@@ -146,15 +146,16 @@ TEST_F(Screens, anInstructorsMessageArrivesAndIsConfirmed) {
   BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_TRUE(script("login\nwait-station bench-1 lesson\nopen station bench-1\nwait-text latency\n"
                      "message \"slower, please\"\naids \"depth, force\"\n"
-                     "stop-lesson \"enough for today\"\nscreenshot " +
-                     (files_.path() / "live.png").string())
+                     "stop-lesson \"enough for today\"")
                   .ok());
+  const auto& notices = lab_->notices.all();
+  ASSERT_FALSE(notices.empty());
+  EXPECT_THAT(notices.back().text, HasSubstr("is stopped"));
+  ASSERT_TRUE(script("screenshot " + (files_.path() / "live.png").string()).ok());
   EXPECT_THAT(bench.heard(), HasSubstr("anna: slower, please"));
   EXPECT_THAT(bench.heard(), HasSubstr("aids 2"));
   EXPECT_THAT(bench.heard(), HasSubstr("stop enough for today"));
   EXPECT_TRUE(std::filesystem::exists(files_.path() / "live.png"));
-  const auto& notices = lab_->notices.all();
-  EXPECT_THAT(notices.back().text, HasSubstr("is stopped"));
 }
 
 TEST_F(Screens, aLostServerTakesNothingAwayAndComesBackByItself) {
