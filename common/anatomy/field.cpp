@@ -75,9 +75,10 @@ void Field::addSegment(std::uint8_t group, double blend_m, const CapsulePart& ca
   part.growth_m = capsule.radius_b_m - capsule.radius_a_m;
   const double length_squared = normSquared(part.b);
   part.inverse = length_squared > 0 ? 1 / length_squared : 0;
-  part.center_m = capsule.a_m + part.b * 0.5;
-  part.bound_m = 0.5 * norm(part.b) + std::max(capsule.radius_a_m, capsule.radius_b_m);
+  steep_ = std::max(steep_, std::sqrt(1 + part.growth_m * part.growth_m * part.inverse));
   parts_.push_back(part);
+  balls_.push_back(
+      {capsule.a_m + part.b * 0.5, 0.5 * norm(part.b) + std::max(capsule.radius_a_m, capsule.radius_b_m)});
 }
 
 void Field::addPart(std::uint8_t group, const FieldPart& spec) {
@@ -96,14 +97,14 @@ void Field::addPart(std::uint8_t group, const FieldPart& spec) {
     part.kind = Kind::kEllipsoid;
     part.group = group;
     part.blend_m = spec.blend_m;
-    part.a = part.center_m = ellipsoid->center_m;
+    part.a = ellipsoid->center_m;
     part.b = ellipsoid->radii_m;
     part.inverses = {1 / part.b.x, 1 / part.b.y, 1 / part.b.z};
     part.x = normalized(ellipsoid->x_axis);
     part.z = normalized(cross(part.x, ellipsoid->y_axis));
     part.y = cross(part.z, part.x);
-    part.bound_m = std::max({ellipsoid->radii_m.x, ellipsoid->radii_m.y, ellipsoid->radii_m.z});
     parts_.push_back(part);
+    balls_.push_back({part.a, std::max({part.b.x, part.b.y, part.b.z})});
     numbers_ += 13;
   } else {
     const auto& half_space = std::get<HalfSpacePart>(spec.shape);
@@ -113,8 +114,8 @@ void Field::addPart(std::uint8_t group, const FieldPart& spec) {
     part.blend_m = spec.blend_m;
     part.a = half_space.point_m;
     part.b = normalized(half_space.normal);
-    part.bound_m = kInfinity;
     parts_.push_back(part);
+    balls_.push_back({part.a, kInfinity});
     numbers_ += 7;
   }
 }
@@ -135,6 +136,9 @@ Result<Field> Field::make(const FieldSpec& spec) {
     const auto add = [&](const FieldRange& range) {
       compiled.ranges[compiled.count++] = {static_cast<std::uint8_t>(indexOf(spec.groups, range.group)),
                                            range.from_m, range.to_m};
+      const GroupMask group = GroupMask{1} << compiled.ranges[compiled.count - 1].group;
+      if (range.to_m < kInfinity) compiled.near |= group;
+      if (range.from_m > -kInfinity) compiled.outside |= group;
       field.numbers_ += (range.from_m > -kInfinity) + (range.to_m < kInfinity);
     };
     add(rule.range);
@@ -155,9 +159,11 @@ Result<Field> Field::make(const FieldSpec& spec) {
     }
   }
   for (const Part& part : field.parts_) blend_m[part.group] = std::max(blend_m[part.group], part.blend_m);
-  for (Part& part : field.parts_) {
+  for (std::size_t i = 0; i < field.parts_.size(); ++i) {
+    Part& part = field.parts_[i];
     part.ruled_m = reach_m[part.group];
     part.reach_m = part.ruled_m + blend_m[part.group];
+    field.balls_[i].radius_m += part.reach_m;
   }
   return field;
 }
@@ -201,11 +207,12 @@ void Field::join(const Part& part, Vec3 p_m, Distances& distances) noexcept {
   group = smoothMinimum(group, distanceTo(part, p_m), part.blend_m);
 }
 
-FieldPoint Field::judge(const Distances& distances) const noexcept {
+FieldPoint Field::judge(const Distances& distances, GroupMask far, GroupMask deep) const noexcept {
   const double skin_m = distances[skin_];
-  if (skin_m >= 0) return {kOutside, skin_m / kMostSteep};
+  if (skin_m >= 0) return {kOutside, skin_m / steep_};
   double clearance_m = -skin_m;
   for (const Rule& rule : rules_) {
+    if ((rule.near & far) != 0 || (rule.outside & deep) != 0) continue;
     // A rule that fails is as far away as its farthest failing range; one that holds lasts to its nearest
     // bound.
     bool holds = true;
@@ -217,9 +224,9 @@ FieldPoint Field::judge(const Distances& distances) const noexcept {
       outside_m = std::max({outside_m, range.from_m - value_m, value_m - range.to_m});
     }
     clearance_m = std::min(clearance_m, std::fabs(outside_m));
-    if (holds) return {rule.structure, clearance_m / kMostSteep};
+    if (holds) return {rule.structure, clearance_m / steep_};
   }
-  return {rest_, clearance_m / kMostSteep};
+  return {rest_, clearance_m / steep_};
 }
 
 void Field::distancesAt(Vec3 p_m, Distances& distances) const noexcept {
@@ -291,22 +298,55 @@ Field::OnLine Field::onLine(Vec3 origin_m, Vec3 axis) const noexcept {
   line.field_ = this;
   line.origin_m_ = origin_m;
   line.axis_ = axis;
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const Part& part = parts_[i];
-    const Vec3 off = part.center_m - origin_m;
-    const double beside_m = norm(off - axis * dot(off, axis));
-    if (part.kind == Kind::kHalfSpace || beside_m <= part.bound_m + part.reach_m)
-      line.parts_[line.count_++] = static_cast<std::uint16_t>(i);
+  for (std::size_t i = 0; i < balls_.size(); ++i) {
+    const Vec3 off = balls_[i].center_m - origin_m;
+    const double along_m = dot(off, axis);
+    const double half_squared = balls_[i].radius_m * balls_[i].radius_m - normSquared(off - axis * along_m);
+    if (half_squared < 0) continue;
+    const double half_m = std::sqrt(half_squared);
+    line.reaches_[line.count_++] = {along_m - half_m, along_m + half_m, static_cast<std::uint16_t>(i)};
   }
   return line;
 }
 
-FieldPoint Field::OnLine::at(double t_m) const noexcept {
-  const Vec3 p_m = point(t_m);
+Field::Stretch Field::OnLine::between(double from_m, double to_m) const noexcept {
+  Stretch stretch;
+  stretch.field_ = field_;
+  stretch.origin_m_ = origin_m_;
+  stretch.axis_ = axis_;
+  std::fill_n(stretch.without_m_.begin(), field_->groups_, kFar_m);
+  const Vec3 middle_m = point(0.5 * (from_m + to_m));
+  const double changes_m = field_->steep_ * 0.5 * (to_m - from_m);
+  GroupMask near = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    if (reaches_[i].from_m > to_m || reaches_[i].to_m < from_m) continue;
+    const Part& part = field_->parts_[reaches_[i].part];
+    const GroupMask group = GroupMask{1} << part.group;
+    const double distance_m = distanceTo(part, middle_m);
+    if (distance_m - changes_m > part.reach_m) continue;
+    near |= group;
+    if (distance_m + changes_m < -part.reach_m) {
+      // nothing else of its group matters
+      stretch.deep_ |= group;
+      stretch.without_m_[part.group] = std::min(stretch.without_m_[part.group], distance_m + changes_m);
+    }
+    stretch.parts_[stretch.count_++] = reaches_[i].part;
+  }
+  stretch.far_ = ~near;
+  if (stretch.deep_ == 0) return stretch;
+  const auto end =
+      std::remove_if(stretch.parts_.begin(), stretch.parts_.begin() + stretch.count_,
+                     [&](std::uint16_t i) { return (stretch.deep_ >> field_->parts_[i].group & 1u) != 0; });
+  stretch.count_ = static_cast<std::size_t>(end - stretch.parts_.begin());
+  return stretch;
+}
+
+FieldPoint Field::Stretch::at(double t_m) const noexcept {
+  const Vec3 p_m = origin_m_ + axis_ * t_m;
   Distances distances;
-  std::fill_n(distances.begin(), field_->groups_, kFar_m);
+  std::copy_n(without_m_.begin(), field_->groups_, distances.begin());
   for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
-  return field_->judge(distances);
+  return field_->judge(distances, far_, deep_);
 }
 
 bool Field::isWhole(StructureMask mask) const noexcept {
@@ -318,10 +358,9 @@ bool Field::isWhole(StructureMask mask) const noexcept {
 Field::InBall Field::inBall(Vec3 center_m, double radius_m) const noexcept {
   InBall ball;
   ball.field_ = this;
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const Part& part = parts_[i];
-    if (part.kind == Kind::kHalfSpace ||
-        norm(part.center_m - center_m) <= part.bound_m + part.reach_m + radius_m)
+  for (std::size_t i = 0; i < balls_.size(); ++i) {
+    const double near_m = balls_[i].radius_m + radius_m;
+    if (normSquared(balls_[i].center_m - center_m) <= near_m * near_m)
       ball.parts_[ball.count_++] = static_cast<std::uint16_t>(i);
   }
   return ball;

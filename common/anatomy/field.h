@@ -51,18 +51,39 @@ struct FieldPoint {
 /// say so.
 class Field {
  public:
-  /// The parts of the field that matter on a line. Valid as long as its field.
-  class OnLine {
+  /// The parts of the field that matter on a stretch of a line. Asked outside of it, it answers wrong. Valid
+  /// as long as its field.
+  class Stretch {
    public:
+    /// The same structure as Field's; the clearance is right within the stretch.
     [[nodiscard]] FieldPoint at(double t_m) const noexcept;
-    /// The point at t_m of the line.
-    [[nodiscard]] Vec3 point(double t_m) const noexcept { return origin_m_ + axis_ * t_m; }
 
    private:
     friend class Field;
     const Field* field_ = nullptr;
     Vec3 origin_m_, axis_;
+    std::array<double, kMaxFieldGroups> without_m_;  // each group's distance without the parts that matter
     std::array<std::uint16_t, kMaxFieldParts> parts_;
+    std::size_t count_ = 0;
+    std::uint32_t far_ = 0, deep_ = 0;  // groups that are far from all of the stretch, or hold it deep inside
+  };
+
+  /// A line, and where on it each part of the field begins and ends to matter. Valid as long as its field.
+  class OnLine {
+   public:
+    [[nodiscard]] Stretch between(double from_m, double to_m) const noexcept;
+    /// The point at t_m of the line.
+    [[nodiscard]] Vec3 point(double t_m) const noexcept { return origin_m_ + axis_ * t_m; }
+
+   private:
+    friend class Field;
+    struct Reach {
+      double from_m, to_m;
+      std::uint16_t part;
+    };
+    const Field* field_ = nullptr;
+    Vec3 origin_m_, axis_;
+    std::array<Reach, kMaxFieldParts> reaches_;
     std::size_t count_ = 0;
   };
 
@@ -93,7 +114,7 @@ class Field {
   /// The signed distance from a group, by its index in FieldSpec::groups; beyond what matters to any rule, a
   /// lower bound of it.
   [[nodiscard]] double distance(std::size_t group, Vec3 p_m) const noexcept;
-  /// The field along a line; `axis` is a unit vector. The same bits as `at` at the same points.
+  /// The field along a line; `axis` is a unit vector.
   [[nodiscard]] OnLine onLine(Vec3 origin_m, Vec3 axis) const noexcept;
 
   /// The field in a ball. The same structure as `at`, and the same `structuresDistance`
@@ -109,6 +130,8 @@ class Field {
   [[nodiscard]] std::size_t numbers() const { return numbers_; }
 
  private:
+  using GroupMask = std::uint32_t;
+  static_assert(kMaxFieldGroups <= 32);
   enum class Kind : std::uint8_t { kCapsule, kEllipsoid, kHalfSpace };
   struct Part {
     Kind kind;
@@ -121,10 +144,13 @@ class Field {
     double inverse;   // capsule: 1/|b − a|², 0 for a ball
     Vec3 x, y, z;     // ellipsoid: its axes
     Vec3 inverses;    // ellipsoid: 1/radius along each
-    Vec3 center_m;    // ball around the part; unbounded for a half-space
-    double bound_m;
-    double ruled_m;  // the greatest distance from its group that any rule asks about
-    double reach_m;  // beyond its surface it matters up to here, to a rule or a blend
+    double ruled_m;   // the greatest distance from its group that any rule asks about
+    double reach_m;   // beyond its surface it matters up to here, to a rule or a blend
+  };
+  /// Outside of this ball a part does not matter: infinite for a half-space.
+  struct Ball {
+    Vec3 center_m;
+    double radius_m;
   };
   struct Range {
     std::uint8_t group;
@@ -135,6 +161,7 @@ class Field {
     std::uint8_t count;
     StructureIndex structure;
     StructureMask from_here;  // the structures of this and later rules
+    GroupMask near, outside;  // groups that it holds only near to or in, and only outside of or near to
   };
   using Distances = std::array<double, kMaxFieldGroups>;
 
@@ -148,11 +175,15 @@ class Field {
   [[nodiscard]] double structuresDistance(StructureMask mask, const Distances& distances) const noexcept;
   [[nodiscard]] FieldBox boxAround(std::size_t group, double beyond_m) const noexcept;
   [[nodiscard]] bool isWhole(StructureMask mask) const noexcept;
-  [[nodiscard]] FieldPoint judge(const Distances& distances) const noexcept;
+  /// `far`, `deep`: groups that are so far from the point, or around it, that they decide nothing.
+  [[nodiscard]] FieldPoint judge(const Distances& distances, GroupMask far = 0,
+                                 GroupMask deep = 0) const noexcept;
 
   std::vector<FieldStructure> structures_;
   std::vector<Part> parts_;
+  std::vector<Ball> balls_;  // of each part
   std::vector<Rule> rules_;
+  double steep_ = 1;  // the most that a distance changes per length
   std::size_t groups_ = 0, skin_ = 0, numbers_ = 0;
   StructureIndex rest_ = 0;
 };

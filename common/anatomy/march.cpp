@@ -6,10 +6,45 @@
 namespace needlelab {
 namespace {
 
+/// A line is walked in stretches of this length: on a short one few parts of the field matter.
+constexpr double kStretch_m = 0.006;
+
+/// Where a walk along a line is, and the stretch that it is on.
+class Walk {
+ public:
+  Walk(const Field& field, Vec3 from_m, Vec3 axis, double at_m, double reach_m) noexcept
+      : line_(field.onLine(from_m, axis)), reach_m_(reach_m) {
+    begin(at_m);
+  }
+  [[nodiscard]] double at_m() const { return at_m_; }
+  [[nodiscard]] const FieldPoint& here() const { return here_; }
+  [[nodiscard]] const Field::Stretch& stretch() const { return stretch_; }
+  /// The next place: as far as the clearance allows, at least `min_step_m`, at most to the stretch's end.
+  double next(double min_step_m) noexcept {
+    if (at_m_ + min_step_m >= end_m_ && end_m_ < reach_m_) begin(at_m_);
+    return std::min(at_m_ + std::max(here_.clearance_m, min_step_m), end_m_);
+  }
+  void go(double to_m, const FieldPoint& there) noexcept {
+    at_m_ = to_m;
+    here_ = there;
+  }
+
+ private:
+  void begin(double at_m) noexcept {
+    end_m_ = std::min(at_m + kStretch_m, reach_m_);
+    stretch_ = line_.between(at_m, end_m_);
+    go(at_m, stretch_.at(at_m));
+  }
+  Field::OnLine line_;
+  Field::Stretch stretch_;
+  double reach_m_, at_m_ = 0, end_m_ = 0;
+  FieldPoint here_;
+};
+
 /// Narrows a boundary between two places of a line to kBoundary_m; returns the place behind it. Where the
 /// boundary lies between them follows from the clearances of both (regula falsi, Illinois' variant); every
 /// third step halves, because a clearance may be of another boundary.
-double boundary(const Field::OnLine& line, double low_m, FieldPoint low, double high_m,
+double boundary(const Field::Stretch& stretch, double low_m, FieldPoint low, double high_m,
                 FieldPoint high) noexcept {
   const StructureIndex before = low.structure;
   bool was_low = false;
@@ -19,7 +54,7 @@ double boundary(const Field::OnLine& line, double low_m, FieldPoint low, double 
     const double guess_m = low_m + share * (high_m - low_m);
     const double middle_m =
         std::min(std::max(guess_m, low_m + 0.4 * kBoundary_m), high_m - 0.4 * kBoundary_m);
-    const FieldPoint middle = line.at(middle_m);
+    const FieldPoint middle = stretch.at(middle_m);
     const bool is_low = middle.structure == before;
     if (is_low) {
       low_m = middle_m;
@@ -55,38 +90,35 @@ bool append(LayerStack& stack, StructureIndex structure, double top_m, double mi
 
 LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions& options) noexcept {
   assert(options.reach_m > 0 && options.min_step_m > kBoundary_m && options.min_layer_m >= 0);
-  const Field::OnLine line = field.onLine(entry_m, axis);
   LayerStack stack;
   stack.end_m = options.reach_m;
   // the entry itself is on the skin, so the first layer is that of the first step
-  double before_m = options.min_step_m;
-  FieldPoint before = line.at(before_m);
-  if (before.structure == kOutside) {
+  Walk walk(field, entry_m, axis, options.min_step_m, options.reach_m);
+  if (walk.here().structure == kOutside) {
     stack.end = StackEnd::kExit;
     stack.end_m = 0;
     return stack;
   }
-  if (field.structures()[before.structure].layer.is_bone) {
+  if (field.structures()[walk.here().structure].layer.is_bone) {
     stack.end = StackEnd::kBone;
     stack.end_m = 0;
   }
-  (void)append(stack, before.structure, 0, options.min_layer_m);
-  while (before_m < options.reach_m && stack.end == StackEnd::kReach) {
-    const double next_m =
-        std::min(before_m + std::max(before.clearance_m, options.min_step_m), options.reach_m);
-    const FieldPoint next = line.at(next_m);
-    if (next.structure == before.structure) {
-      before_m = next_m;
-      before = next;
+  (void)append(stack, walk.here().structure, 0, options.min_layer_m);
+  while (walk.at_m() < options.reach_m && stack.end == StackEnd::kReach) {
+    const double next_m = walk.next(options.min_step_m);
+    const FieldPoint next = walk.stretch().at(next_m);
+    if (next.structure == walk.here().structure) {
+      walk.go(next_m, next);
       continue;
     }
-    before_m = stack.end_m = boundary(line, before_m, before, next_m, next);
-    before = line.at(before_m);
-    if (before.structure == kOutside) {
+    const double top_m = boundary(walk.stretch(), walk.at_m(), walk.here(), next_m, next);
+    walk.go(top_m, walk.stretch().at(top_m));
+    stack.end_m = top_m;
+    if (walk.here().structure == kOutside) {
       stack.end = StackEnd::kExit;
-    } else if (!append(stack, before.structure, before_m, options.min_layer_m)) {
+    } else if (!append(stack, walk.here().structure, top_m, options.min_layer_m)) {
       stack.end = StackEnd::kFull;
-    } else if (field.structures()[before.structure].layer.is_bone) {
+    } else if (field.structures()[walk.here().structure].layer.is_bone) {
       stack.end = StackEnd::kBone;
     } else {
       stack.end_m = options.reach_m;
@@ -96,16 +128,13 @@ LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions
 }
 
 std::optional<double> findEntry(const Field& field, Vec3 from_m, Vec3 axis, double reach_m) noexcept {
-  const Field::OnLine line = field.onLine(from_m, axis);
-  double t_m = 0;
-  FieldPoint here = line.at(t_m);
-  if (here.structure != kOutside) return std::nullopt;
-  while (t_m < reach_m) {
-    const double next_m = t_m + std::max(here.clearance_m, 1e-4);
-    const FieldPoint next = line.at(next_m);
-    if (next.structure != kOutside) return boundary(line, t_m, here, next_m, next);
-    t_m = next_m;
-    here = next;
+  Walk walk(field, from_m, axis, 0, reach_m);
+  if (walk.here().structure != kOutside) return std::nullopt;
+  while (walk.at_m() < reach_m) {
+    const double next_m = walk.next(1e-4);
+    const FieldPoint next = walk.stretch().at(next_m);
+    if (next.structure != kOutside) return boundary(walk.stretch(), walk.at_m(), walk.here(), next_m, next);
+    walk.go(next_m, next);
   }
   return std::nullopt;
 }

@@ -121,14 +121,21 @@ TEST(FieldClearance, everyPointNearerThanItIsOfTheSameStructure) {
   EXPECT_GT(long_ones, 4'000) << "a clearance of nothing would prove nothing";
 }
 
-TEST(FieldOnLine, hasTheBitsOfTheWholeField) {
+TEST(FieldOnLine, aStretchHasTheStructuresOfTheWholeField) {
   const Field field = fieldOf(forearm());
   Random random(9);
   for (int i = 0; i < 300; ++i) {
     const Line line = randomLine(random);
     const Field::OnLine on_line = field.onLine(line.from_m, line.axis);
-    for (double t_m = 0; t_m < 0.05; t_m += 0.37e-3)
-      ASSERT_EQ(on_line.at(t_m).structure, field.at(on_line.point(t_m)).structure) << i << " at " << t_m;
+    const double from_m = random.in(0, 0.04), to_m = from_m + random.in(0.001, 0.02);
+    const Field::Stretch stretch = on_line.between(from_m, to_m);
+    for (double t_m = from_m; t_m < to_m; t_m += 0.37e-3) {
+      const FieldPoint here = stretch.at(t_m);
+      ASSERT_EQ(here.structure, field.at(on_line.point(t_m)).structure) << i << " at " << t_m;
+      const double free_m = std::min(t_m + 0.999999 * here.clearance_m, to_m);
+      ASSERT_EQ(field.at(on_line.point(free_m)).structure, here.structure)
+          << i << ": clearance " << here.clearance_m << " at " << t_m;
+    }
   }
 }
 

@@ -730,7 +730,8 @@ TEST_F(Teaching, thePreviewOfAVolumeIsThatOfTheBallOfLayers) {
   ASSERT_EQ(found.total_n_size(), expected.total_n_size());
   double peak_N = 0;
   for (int i = 0; i < found.total_n_size(); ++i) {
-    EXPECT_NEAR(found.total_n(i), expected.total_n(i), 1e-3) << found.depth_m(i);
+    // a tick lands on the boundary at 9 mm: there the wall may begin one tick later, 10 µm of 500 N/m
+    EXPECT_NEAR(found.total_n(i), expected.total_n(i), 6e-3) << found.depth_m(i);
     peak_N = std::max(peak_N, std::abs(found.total_n(i)));
   }
   EXPECT_GT(peak_N, 0.5);
