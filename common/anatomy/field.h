@@ -71,6 +71,7 @@ class Field {
   /// A line, and where on it each part of the field begins and ends to matter. Valid as long as its field.
   class OnLine {
    public:
+    /// From from_m to to_m, ends included. Asks each part near it once, so many short ones cost time.
     [[nodiscard]] Stretch between(double from_m, double to_m) const noexcept;
     /// The point at t_m of the line.
     [[nodiscard]] Vec3 point(double t_m) const noexcept { return origin_m_ + axis_ * t_m; }
