@@ -12,6 +12,8 @@ constexpr double kFar_m = 1e3;  // no part of the group is near
 // Ellipsoids' distances are too small, outside and inside, as k0 is convex; a smooth minimum is not steeper
 // than its parts.
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// what is left out is left out by this margin: far more than rounding can move a distance of a metre
+constexpr double kRounding_m = 1e-9;
 
 double smoothMinimum(double a, double b, double blend_m) noexcept {
   const double least = std::min(a, b);
@@ -150,25 +152,48 @@ Result<Field> Field::make(const FieldSpec& spec) {
     rule->from_here = from_here |= maskOf(rule->structure);
 
   // how far from a group its distance still decides something
-  std::array<double, kMaxFieldGroups> reach_m{}, blend_m{};
+  std::array<double, kMaxFieldGroups> ruled_m{}, blends_m{};
   for (const Rule& rule : field.rules_) {
     for (std::size_t i = 0; i < rule.count; ++i) {
       const Range& range = rule.ranges[i];
       for (const double bound : {range.from_m, range.to_m})
-        if (std::isfinite(bound)) reach_m[range.group] = std::max(reach_m[range.group], std::fabs(bound));
+        if (std::isfinite(bound)) ruled_m[range.group] = std::max(ruled_m[range.group], std::fabs(bound));
     }
   }
-  for (const Part& part : field.parts_) blend_m[part.group] = std::max(blend_m[part.group], part.blend_m);
-  for (std::size_t i = 0; i < field.parts_.size(); ++i) {
+  for (std::size_t i = field.parts_.size(); i-- > 0;) {
     Part& part = field.parts_[i];
-    part.ruled_m = reach_m[part.group];
-    part.reach_m = part.ruled_m + blend_m[part.group];
-    field.balls_[i].radius_m += part.reach_m;
+    part.ruled_m = ruled_m[part.group];
+    part.reach_m = part.ruled_m + (blends_m[part.group] += part.blend_m);
+    field.balls_[i].radius_m += part.reach_m + kRounding_m;
   }
   return field;
 }
 
 // ---- asked ----
+
+/// Which parts matter to any rule in some region. Parts are shown from the last one to the first, each with
+/// the bounds of its distance there. A group's value joins its parts in order. What the parts before one gave
+/// matters up to some value v: behind the last part up to ruled_m. A part with a blend of k gives back one of
+/// two values that are both above v + k, or gives the same for both, as min(a, d) − k/4 ≥ max(a, d) − k where
+/// they blend. So before that part values matter up to v + k; but never above d + k, where the part alone
+/// decides. A part that is everywhere above v + k does not matter: where the value is below v, it is not
+/// blended, and else it stays above v.
+class Field::Mattering {
+ public:
+  bool matters(const Part& part, double low_m, double high_m) noexcept {
+    if (part.group != group_) {
+      group_ = part.group;
+      up_to_m_ = part.ruled_m;
+    }
+    if (low_m > up_to_m_ + part.blend_m) return false;
+    up_to_m_ = std::min(up_to_m_, high_m) + part.blend_m;
+    return true;
+  }
+
+ private:
+  unsigned group_ = kMaxFieldGroups;
+  double up_to_m_ = 0;
+};
 
 double Field::distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept {
   const Vec3 d = p_m - part.a;
@@ -304,7 +329,8 @@ Field::OnLine Field::onLine(Vec3 origin_m, Vec3 axis) const noexcept {
     const double half_squared = balls_[i].radius_m * balls_[i].radius_m - normSquared(off - axis * along_m);
     if (half_squared < 0) continue;
     const double half_m = std::sqrt(half_squared);
-    line.reaches_[line.count_++] = {along_m - half_m, along_m + half_m, static_cast<std::uint16_t>(i)};
+    line.reaches_[line.count_++] = {along_m - half_m - kRounding_m, along_m + half_m + kRounding_m,
+                                    static_cast<std::uint16_t>(i)};
   }
   return line;
 }
@@ -316,28 +342,32 @@ Field::Stretch Field::OnLine::between(double from_m, double to_m) const noexcept
   stretch.axis_ = axis_;
   std::fill_n(stretch.without_m_.begin(), field_->groups_, kFar_m);
   const Vec3 middle_m = point(0.5 * (from_m + to_m));
-  const double changes_m = field_->steep_ * 0.5 * (to_m - from_m);
+  const double changes_m = field_->steep_ * 0.5 * (to_m - from_m) + kRounding_m;
   GroupMask near = 0;
-  for (std::size_t i = 0; i < count_; ++i) {
+  Mattering mattering;
+  for (std::size_t i = count_; i-- > 0;) {
     if (reaches_[i].from_m > to_m || reaches_[i].to_m < from_m) continue;
     const Part& part = field_->parts_[reaches_[i].part];
     const GroupMask group = GroupMask{1} << part.group;
+    if ((stretch.deep_ & group) != 0) continue;
     const double distance_m = distanceTo(part, middle_m);
-    if (distance_m - changes_m > part.reach_m) continue;
+    if (!mattering.matters(part, distance_m - changes_m, distance_m + changes_m)) continue;
     near |= group;
-    if (distance_m + changes_m < -part.reach_m) {
-      // nothing else of its group matters
+    if (distance_m + changes_m < -part.ruled_m) {
+      // nothing else of its group matters: a minimum is no greater
       stretch.deep_ |= group;
-      stretch.without_m_[part.group] = std::min(stretch.without_m_[part.group], distance_m + changes_m);
+      stretch.without_m_[part.group] = distance_m + changes_m;
     }
     stretch.parts_[stretch.count_++] = reaches_[i].part;
   }
   stretch.far_ = ~near;
+  const auto begin = stretch.parts_.begin();
+  std::reverse(begin, begin + stretch.count_);
   if (stretch.deep_ == 0) return stretch;
-  const auto end =
-      std::remove_if(stretch.parts_.begin(), stretch.parts_.begin() + stretch.count_,
-                     [&](std::uint16_t i) { return (stretch.deep_ >> field_->parts_[i].group & 1u) != 0; });
-  stretch.count_ = static_cast<std::size_t>(end - stretch.parts_.begin());
+  const auto end = std::remove_if(begin, begin + stretch.count_, [&](std::uint16_t i) {
+    return (stretch.deep_ >> field_->parts_[i].group & 1u) != 0;
+  });
+  stretch.count_ = static_cast<std::size_t>(end - begin);
   return stretch;
 }
 
@@ -355,31 +385,37 @@ bool Field::isWhole(StructureMask mask) const noexcept {
   return (mask & all) == all;
 }
 
-Field::InBall Field::inBall(Vec3 center_m, double radius_m) const noexcept {
+Field::InBall Field::inBallOf(GroupMask groups, Vec3 center_m, double radius_m) const noexcept {
   InBall ball;
   ball.field_ = this;
-  for (std::size_t i = 0; i < balls_.size(); ++i) {
+  const double changes_m = steep_ * radius_m + kRounding_m;
+  Mattering mattering;
+  for (std::size_t i = balls_.size(); i-- > 0;) {
     const double near_m = balls_[i].radius_m + radius_m;
-    if (normSquared(balls_[i].center_m - center_m) <= near_m * near_m)
+    const Part& part = parts_[i];
+    if ((groups >> part.group & 1u) == 0 || normSquared(balls_[i].center_m - center_m) > near_m * near_m)
+      continue;
+    const double distance_m = distanceTo(part, center_m);
+    if (mattering.matters(part, distance_m - changes_m, distance_m + changes_m))
       ball.parts_[ball.count_++] = static_cast<std::uint16_t>(i);
   }
+  std::reverse(ball.parts_.begin(), ball.parts_.begin() + ball.count_);
   return ball;
 }
 
+Field::InBall Field::inBall(Vec3 center_m, double radius_m) const noexcept {
+  return inBallOf(~GroupMask{0}, center_m, radius_m);
+}
+
 Field::InBall Field::inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept {
-  std::array<bool, kMaxFieldGroups> asked{};
-  asked[skin_] = true;
+  GroupMask groups = GroupMask{1} << skin_;
   if (!isWhole(mask)) {
     for (const Rule& rule : rules_) {
       if ((mask >> rest_ & 1u) == 0 && (rule.from_here & mask) == 0) break;
-      for (std::size_t i = 0; i < rule.count; ++i) asked[rule.ranges[i].group] = true;
+      for (std::size_t i = 0; i < rule.count; ++i) groups |= GroupMask{1} << rule.ranges[i].group;
     }
   }
-  InBall ball = inBall(center_m, radius_m);
-  const auto end = std::remove_if(ball.parts_.begin(), ball.parts_.begin() + ball.count_,
-                                  [&](std::uint16_t i) { return !asked[parts_[i].group]; });
-  ball.count_ = static_cast<std::size_t>(end - ball.parts_.begin());
-  return ball;
+  return inBallOf(groups, center_m, radius_m);
 }
 
 FieldPoint Field::InBall::at(Vec3 p_m) const noexcept {

@@ -55,7 +55,7 @@ class Field {
   /// as long as its field.
   class Stretch {
    public:
-    /// The same structure as Field's; the clearance is right within the stretch.
+    /// The same structure as Field's, from the same bits; the clearance is right within the stretch.
     [[nodiscard]] FieldPoint at(double t_m) const noexcept;
 
    private:
@@ -118,8 +118,8 @@ class Field {
   /// The field along a line; `axis` is a unit vector.
   [[nodiscard]] OnLine onLine(Vec3 origin_m, Vec3 axis) const noexcept;
 
-  /// The field in a ball. The same structure as `at`, and the same `structuresDistance`
-  /// near the surface; a clearance may be too large.
+  /// The field in a ball. The same structure as `at`, and the same `structuresDistance` near the surface;
+  /// elsewhere its sign; a clearance is right within the ball.
   [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m) const noexcept;
   /// The same with fewer parts, for structuresDistance of this mask only.
   [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept;
@@ -146,7 +146,7 @@ class Field {
     Vec3 x, y, z;     // ellipsoid: its axes
     Vec3 inverses;    // ellipsoid: 1/radius along each
     double ruled_m;   // the greatest distance from its group that any rule asks about
-    double reach_m;   // beyond its surface it matters up to here, to a rule or a blend
+    double reach_m;   // beyond its surface it matters up to here at most, to a rule or a blend (Mattering)
   };
   /// Outside of this ball a part does not matter: infinite for a half-space.
   struct Ball {
@@ -165,6 +165,7 @@ class Field {
     GroupMask near, outside;  // groups that it holds only near to or in, and only outside of or near to
   };
   using Distances = std::array<double, kMaxFieldGroups>;
+  class Mattering;
 
   Field() = default;
   void addPart(std::uint8_t group, const FieldPart& part);
@@ -176,6 +177,7 @@ class Field {
   [[nodiscard]] double structuresDistance(StructureMask mask, const Distances& distances) const noexcept;
   [[nodiscard]] FieldBox boxAround(std::size_t group, double beyond_m) const noexcept;
   [[nodiscard]] bool isWhole(StructureMask mask) const noexcept;
+  [[nodiscard]] InBall inBallOf(GroupMask groups, Vec3 center_m, double radius_m) const noexcept;
   /// `far`, `deep`: groups that are so far from the point, or around it, that they decide nothing.
   [[nodiscard]] FieldPoint judge(const Distances& distances, GroupMask far = 0,
                                  GroupMask deep = 0) const noexcept;

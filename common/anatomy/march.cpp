@@ -21,7 +21,11 @@ class Walk {
   [[nodiscard]] const Field::Stretch& stretch() const { return stretch_; }
   /// The next place: as far as the clearance allows, at least `min_step_m`, at most to the stretch's end.
   double next(double min_step_m) noexcept {
-    if (at_m_ + min_step_m >= end_m_ && end_m_ < reach_m_) begin(at_m_);
+    if (at_m_ + min_step_m >= end_m_ && end_m_ < reach_m_) {
+      [[maybe_unused]] const StructureIndex before = here_.structure;
+      begin(at_m_);
+      assert(here_.structure == before);  // a stretch has the bits of the whole field
+    }
     return std::min(at_m_ + std::max(here_.clearance_m, min_step_m), end_m_);
   }
   void go(double to_m, const FieldPoint& there) noexcept {
@@ -93,7 +97,7 @@ LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions
   LayerStack stack;
   stack.end_m = options.reach_m;
   // the entry itself is on the skin, so the first layer is that of the first step
-  Walk walk(field, entry_m, axis, options.min_step_m, options.reach_m);
+  Walk walk(field, entry_m, axis, std::min(options.min_step_m, options.reach_m), options.reach_m);
   if (walk.here().structure == kOutside) {
     stack.end = StackEnd::kExit;
     stack.end_m = 0;

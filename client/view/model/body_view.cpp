@@ -92,7 +92,8 @@ void darkenHollows(Mesh& mesh, const Field& field, StructureMask mask) {
                    static_cast<double>(vertex.p_m[2])};
     const Vec3 out{static_cast<double>(vertex.normal[0]), static_cast<double>(vertex.normal[1]),
                    static_cast<double>(vertex.normal[2])};
-    const Field::InBall near = field.inBall(p_m, kSteps_m.back(), mask);
+    // what lies beyond may be nearest to the last step's place
+    const Field::InBall near = field.inBall(p_m, 2 * kSteps_m.back(), mask);
     double open = 1;
     for (const double step_m : kSteps_m) {
       const double free = near.structuresDistance(mask, p_m + out * step_m) / step_m;

@@ -139,5 +139,49 @@ TEST(FieldOnLine, aStretchHasTheStructuresOfTheWholeField) {
   }
 }
 
+/// Groups of balls that blend in chains, and rules at, above and below their surfaces.
+FieldSpec chains(Random& random) {
+  FieldSpec spec = slab();
+  for (const char* const group : {"one", "two", "three"}) {
+    FieldGroup balls{group, {}};
+    const int count = 3 + static_cast<int>(random.in(0, 4));
+    for (int i = 0; i < count; ++i)
+      balls.parts.push_back(ball(randomPoint(random, {-30, -30, -60}, {30, 30, -10}), random.in(2, 15),
+                                 i == 0 ? 0 : random.in(0, 20)));
+    spec.groups.push_back(balls);
+    const double from_mm = random.in(-3, 1), to_mm = from_mm + random.in(0.5, 4);
+    spec.rules.insert(spec.rules.begin(), rule(group, from_mm, to_mm, "fat"));
+    spec.rules.insert(spec.rules.begin(), rule(group, -kNoBound, random.in(-2, 0), "fascia"));
+  }
+  return spec;
+}
+
+// What is left out must not change a bit of what decides: a ball far from the line still moves where the ones
+// after it blend.
+TEST(FieldOnLine, leavesOutNothingThatBlendsInAChain) {
+  Random random(31);
+  int decided = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Field field = fieldOf(chains(random));
+    const Vec3 from_m = randomPoint(random, {-40, -40, -5}, {40, 40, 0}),
+               to_m = randomPoint(random, {-40, -40, -70}, {40, 40, -30});
+    const Field::OnLine line = field.onLine(from_m, normalized(to_m - from_m));
+    for (double begin_m = 0; begin_m < 0.06; begin_m += 0.006) {
+      const double end_m = begin_m + 0.006;
+      const Field::Stretch stretch = line.between(begin_m, end_m);
+      const Field::InBall near = field.inBall(line.point(begin_m + 0.003), 0.003);
+      for (int k = 0; k <= 60; ++k) {
+        const double t_m = k == 60 ? end_m : begin_m + 1e-4 * k;
+        const Vec3 p_m = line.point(t_m);
+        const FieldPoint whole = field.at(p_m);
+        ASSERT_EQ(stretch.at(t_m).structure, whole.structure) << i << " at " << t_m;
+        ASSERT_EQ(near.at(p_m).structure, whole.structure) << i << " at " << t_m;
+        decided += whole.clearance_m < 1e-4;
+      }
+    }
+  }
+  EXPECT_GT(decided, 3'000) << "places near a boundary";
+}
+
 }  // namespace
 }  // namespace needlelab::test

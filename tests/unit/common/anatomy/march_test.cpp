@@ -149,6 +149,43 @@ TEST(March, findsNoEntryFromInsideOrPastThePatient) {
   EXPECT_FALSE(findEntry(field, mm(0, 0, 200), {0, 0, -1}, 0.1)) << "too far";
 }
 
+// straight down through planes, the bounds of a stretch are met to the last bit
+TEST(March, findsABoundaryAtAnyDepth) {
+  for (int i = 0; i < 4000; ++i) {
+    const double depth_mm = 2 + 0.01 * i;
+    FieldSpec spec = slab();
+    spec.groups.push_back({"bone", {halfSpace(mm(0, 0, -depth_mm - 1.03), {0, 0, 1})}});
+    spec.structures.push_back(structure("bone", true));
+    spec.rules = {rule("bone", -kNoBound, 0, "bone"), rule("skin", -depth_mm, kNoBound, "fat")};
+    const LayerStack stack = march(fieldOf(spec), {}, {0, 0, -1}, {.reach_m = 0.05});
+    ASSERT_EQ(stack.count, 3u) << depth_mm;
+    ASSERT_NEAR(stack.layers[1].top_m, 1e-3 * depth_mm, kNear_m);
+    ASSERT_NEAR(stack.end_m, 1e-3 * (depth_mm + 1.03), kNear_m);
+    ASSERT_EQ(stack.end, StackEnd::kBone) << depth_mm;
+  }
+}
+
+// Two balls beside the line pull a third one's surface towards it, each by its blend. Independent: the whole
+// field every 0.01 mm.
+TEST(March, findsAnOrganThatBlendsInAChain) {
+  for (double under_mm = 4; under_mm < 26; under_mm += 0.05) {
+    FieldSpec spec = slab();
+    spec.groups.push_back(
+        {"organ",
+         {ball(mm(22.63, 0, -under_mm - 20), 10), ball(mm(-22.63, 0, -under_mm - 20), 10, 20),
+          ball(mm(0, 0, -under_mm - 100), 100, 20)}});
+    spec.structures.push_back(structure("organ"));
+    spec.rules = {rule("organ", -kNoBound, 0, "organ")};
+    const Field field = fieldOf(spec);
+    double wanted_m = 0;
+    while (field.structures()[field.at({0, 0, -wanted_m - 1e-9}).structure].id != "organ") wanted_m += 1e-5;
+    ASSERT_LT(wanted_m, 1e-3 * under_mm - 0.1e-3) << "control: they do pull";
+    const LayerStack stack = march(field, {}, {0, 0, -1}, {.reach_m = 0.05});
+    ASSERT_EQ(stack.count, 2u) << under_mm;
+    ASSERT_NEAR(stack.layers[1].top_m, wanted_m, 1.1e-5) << under_mm;
+  }
+}
+
 // independent: asks the whole field every 0.02 mm, without lines, clearances or halving
 TEST(March, agreesWithTheFieldApartFromBoundariesAndSlivers) {
   const Field field = fieldOf(forearm());
