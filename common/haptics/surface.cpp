@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 
 #include "common/haptics/scene_model.h"
 
@@ -22,6 +23,72 @@ double depthIn(const CapsuleLimb& capsule, Vec3 p) {
 double depthIn(const BodyLimb& limb, Vec3 p) {
   return limb.body->depth(inverse(limb.X_WL) * p);
 }
+
+/// The ways from a point in a body to the skin, and the least of them.
+class WaysOut {
+ public:
+  /// `depth_m`: the body's depth of p, so that no way is shorter.
+  WaysOut(const Body& body, Vec3 p_m, double depth_m) noexcept : body_(body), p_m_(p_m), depth_m_(depth_m) {}
+
+  /// From `along`, a way to the skin, and 26 directions; the two best ones turn towards the normal where they
+  /// leave the body, as the least way is along it.
+  [[nodiscard]] double least(Vec3 along) const noexcept {
+    Way best{norm(along), normalized(along)}, second{kFar_m, {}};
+    const auto consider = [&](Vec3 out) {
+      const Way way{lengthOf(out, second.length_m), out};
+      if (way.length_m < best.length_m) {
+        second = best;
+        best = way;
+      } else if (way.length_m < second.length_m) {
+        second = way;
+      }
+    };
+    for (int x = -1; x <= 1; ++x)
+      for (int y = -1; y <= 1; ++y)
+        for (int z = -1; z <= 1; ++z)
+          if (x != 0 || y != 0 || z != 0)
+            consider(
+                normalized(Vec3{static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)}));
+    return std::min(shortened(best), shortened(second));
+  }
+
+ private:
+  static constexpr double kFar_m = 10;
+  struct Way {
+    double length_m;
+    Vec3 out;  // unit
+  };
+
+  /// By sphere tracing (Hart 1996); `most_m` if the way is not shorter.
+  [[nodiscard]] double lengthOf(Vec3 out, double most_m) const noexcept {
+    double way_m = depth_m_;
+    for (int step = 0; step < 60 && way_m < most_m; ++step) {
+      const double depth_m = body_.depth(p_m_ + out * way_m);
+      way_m += depth_m;
+      if (std::fabs(depth_m) < 1e-9) return std::min(way_m, most_m);
+    }
+    return most_m;
+  }
+
+  [[nodiscard]] double shortened(Way way) const noexcept {
+    if (way.length_m == kFar_m) return kFar_m;
+    double share = 1;
+    for (int turn = 0; turn < 12 && share > 0.02; ++turn) {
+      const Vec3 normal = body_.normal(p_m_ + way.out * way.length_m);
+      const Vec3 turned = normalized(way.out + (normal - way.out) * share);
+      const double length_m = lengthOf(turned, way.length_m);
+      if (length_m < way.length_m - 1e-7)
+        way = {length_m, turned};
+      else
+        share *= 0.5;
+    }
+    return way.length_m;
+  }
+
+  const Body& body_;
+  Vec3 p_m_;
+  double depth_m_;
+};
 
 }  // namespace
 
@@ -81,8 +148,11 @@ Vec3 nearestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
 
 double depthBelowSkin(const Limb& limb, Vec3 p) noexcept {
   const double depth_m = signedDepth(limb, p);
-  if (!std::holds_alternative<BodyLimb>(limb) || !(depth_m > 0)) return depth_m;
-  return norm(p - nearestSkin(limb, p, {0, 0, -1}));
+  const auto* const body = std::get_if<BodyLimb>(&limb);
+  if (body == nullptr || !(depth_m > 0)) return depth_m;
+  const Vec3 along_W = nearestSkin(limb, p, {0, 0, -1}) - p;
+  const WaysOut ways(*body->body, inverse(body->X_WL) * p, depth_m);
+  return ways.least(rotate(conjugate(body->X_WL.q), along_W));
 }
 
 BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept {

@@ -12,11 +12,13 @@ namespace needlelab {
 Vec3 surfaceNormal(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
 /// Returns the surface point nearest to `p_W_m`, along the normal there; `motion` as for surfaceNormal. In a
-/// body, whose depth is not exact everywhere, found in a few steps.
+/// body, whose depth is not exact everywhere, found in a few steps up the depth's slope: the nearest one only
+/// near the skin.
 Vec3 nearestSkin(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
 /// Depth below the nearest skin, negative outside. As signedDepth, whose number deep in a body is only a
-/// lower bound; there it takes up to some 50 µs.
+/// lower bound. There it is the least of some ways out: on the twelve patients within 0.1 mm of the least of
+/// all. It asks the body's depth about 250 times (50 to 150 µs).
 double depthBelowSkin(const Limb& limb, Vec3 p_W_m) noexcept;
 
 /// The bones of a body nearer than `within_m`, as planes in W. Real-time safe.

@@ -17,7 +17,9 @@ namespace needlelab {
 // 7: being in a target requires being in its tissues; a profile whose targets name none scores as in 6.
 // 8: time to the landmark; forces with the cap on do not count as peak force. A patient without PALPATION
 // scores as in 7.
-const std::uint32_t kScoreDefinitionVersion = 9;
+// 9: the greatest depth in a body is the distance from the nearest skin (10: to 0.1 mm); layers score as
+// in 8.
+const std::uint32_t kScoreDefinitionVersion = 10;
 
 namespace {
 

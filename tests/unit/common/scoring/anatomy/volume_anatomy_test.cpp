@@ -37,26 +37,41 @@ double depthInBall(Vec3 p_W_m) {
   return kBallRadius_m - norm(p_W_m - kVolumeInW * Vec3{0, 0, -kBallRadius_m});
 }
 
-// Against rays in 4,000 directions until they leave the body. Control: the field's own number, which is only
-// a lower bound.
+// Against rays in 2,000 directions, 2.5 degrees apart, until they leave the body. Controls: the field's own
+// number is only a lower bound, and the way up its slope ends elsewhere.
 TEST(VolumeAnatomy, depthIsTheDistanceToTheNearestSkin) {
-  for (const auto& [name, is_exact] :
-       {std::pair{"lumbar-median", false}, std::pair{"shoulder-median", true}}) {
-    const auto profile = loadProfile(std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "db/samples/volumes" /
-                                     (std::string(name) + ".json"));
-    ASSERT_TRUE(profile.ok()) << profile.error().message;
-    const Anatomy anatomy = anatomyOf(*profile, {});
-    const Vec3 at = anatomy.targets[0].ball.a_W_m;
-    double nearest_m = 1;
-    for (int i = 0; i < 4000; ++i) {
-      const double z = 1 - (2 * i + 1) / 4000.0, r = std::sqrt(1 - z * z), angle = 2.399963 * i;
-      const Vec3 way{r * std::cos(angle), r * std::sin(angle), z};
-      for (double along_m = 0.01; along_m < nearest_m; along_m += 1e-4)
-        if (!isUnderSkin(anatomy, at + way * along_m)) nearest_m = along_m;
+  constexpr int kRays = 2000;
+  test::Random random(77);
+  int too_low = 0, too_far = 0;
+  for (const std::string region : {"shoulder", "knee", "wrist", "lumbar"})
+    for (const std::string build : {"slender", "median", "heavy"}) {
+      const std::string name = region + "-" + build;
+      const auto profile =
+          loadProfile(std::filesystem::path(NEEDLELAB_SOURCE_DIR) / "db/samples/volumes" / (name + ".json"));
+      ASSERT_TRUE(profile.ok()) << profile.error().message;
+      const Anatomy anatomy = anatomyOf(*profile, kVolumeInW);
+      for (int point = 0; point < 8;) {
+        const Vec3 at =
+            kVolumeInW * Vec3{random.in(-0.03, 0.03), random.in(-0.03, 0.03), random.in(-0.07, 0)};
+        if (!isUnderSkin(anatomy, at)) continue;
+        ++point;
+        double nearest_m = 1;
+        for (int i = 0; i < kRays; ++i) {
+          const double z = 1 - (2 * i + 1) / static_cast<double>(kRays), r = std::sqrt(1 - z * z),
+                       angle = 2.399963 * i;
+          const Vec3 way{r * std::cos(angle), r * std::sin(angle), z};
+          double along_m = 0;
+          for (double depth_m = 1; depth_m > 0 && along_m < nearest_m; along_m += std::max(depth_m, 1e-5))
+            depth_m = signedDepth(anatomy.limb, at + way * along_m) / 1.12;
+          nearest_m = std::min(nearest_m, along_m);
+        }
+        EXPECT_NEAR(depthAt(anatomy, at), nearest_m, 1e-4) << name << ", point " << point;
+        too_low += signedDepth(anatomy.limb, at) < nearest_m - 1e-3;
+        too_far += norm(at - nearestSkin(anatomy.limb, at, {0, 0, -1})) > nearest_m + 1e-3;
+      }
     }
-    EXPECT_NEAR(depthAt(anatomy, at), nearest_m, 2e-4) << name;
-    EXPECT_EQ(std::fabs(signedDepth(anatomy.limb, at) - nearest_m) < 1e-3, is_exact) << name;
-  }
+  EXPECT_GT(too_low, 5);
+  EXPECT_GT(too_far, 5);
 }
 
 TEST(VolumeAnatomy, ofShellsAnswersAsTheBallOfLayers) {

@@ -108,7 +108,8 @@ TEST(Definition, resultsOverCommittedGesturesAreThoseOfTheVersion) {
                                 // the profile has no landmark
                                 {8, 0x72c3c92e5b005096},
                                 // depths in a body; the profile has layers
-                                {9, 0x72c3c92e5b005096}};
+                                {9, 0x72c3c92e5b005096},
+                                {10, 0x72c3c92e5b005096}};
   if (std::getenv("NEEDLELAB_WRITE_GESTURES") != nullptr) {
     for (int i = 1; i <= kGoldenGestures; ++i) {
       auto writer = RecordingWriter::create(golden(i), "{}");
