@@ -100,10 +100,10 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
                  "with --data, at the first use of DIR: its database is on PostgreSQL, at "
                  "postgresql://USER@HOST/DATABASE (DIR/store remembers it)")
       ->type_name("URL");
-  app.add_option("--server", global.server, "a running server; of several the first that answers")
+  app.add_option("--server", global.server, "a running server; of several, the first that answers")
       ->type_name("HOST:PORT[,…]");
   app.add_option("--ca", global.ca, "the server's certificate authority, its tls/ca.crt")->type_name("FILE");
-  app.add_option("--user", global.user, "who logs in")->type_name("NAME");
+  app.add_option("--user", global.user, "the account that logs in")->type_name("NAME");
   app.add_option("--password-file", global.password_file, "first line: the password; else it is asked for")
       ->type_name("FILE");
   app.add_option_function<std::string>(

@@ -217,15 +217,15 @@ void addAuditCommands(CLI::App& app, ChosenCommand& chosen) {
     std::int64_t line = 0;
   };
   const auto values = std::make_shared<Values>();
-  auto* audit_command = app.add_subcommand("audit", "who changed what, newest first");
-  audit_command->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
+  auto* audit_command = app.add_subcommand("audit", "list who changed what, newest first");
+  audit_command->add_option("--limit", values->limit, "the most to list; 0: all")->capture_default_str();
   audit_command->callback([&chosen, audit_command, values] {
     if (!audit_command->get_subcommands().empty()) return;
     chosen.run = [values](CommandContext& context) { return audit(context, values->limit); };
   });
   auto* verify = audit_command->add_subcommand(
       "verify",
-      "whether lines were changed, reordered, put in or removed; also beside a server (needs --data)");
+      "check that no line was changed, moved, added or removed; works beside a running server (needs --data)");
   verify
       ->add_option("--anchor", values->anchors,
                    "a backup, a folder of backups, an export of everything, or a file with a head that was "
@@ -241,9 +241,9 @@ void addAuditCommands(CLI::App& app, ChosenCommand& chosen) {
 
   auto* acknowledged = audit_command->add_subcommand(
       "acknowledge",
-      "somebody has looked into an \"audit break\": verify names it, and who said so, as no fault any more "
+      "mark an \"audit break\" as looked into: verify then lists it, with your name, as a note "
       "(needs --data)");
-  acknowledged->add_option("line", values->line, "the line's number, as verify says it")
+  acknowledged->add_option("line", values->line, "the line's number, as verify shows it")
       ->required()
       ->check(CLI::PositiveNumber);
   acknowledged->callback([&chosen, values] {

@@ -113,18 +113,18 @@ Status moveKey(const std::filesystem::path& folder, Output& output, const std::s
 }  // namespace
 
 void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
-  auto* certificate = app.add_subcommand(
-      "certificate", "the certificate by which stations recognise the server (needs --data)");
+  auto* certificate =
+      app.add_subcommand("certificate", "the certificate that stations check the server by (needs --data)");
   certificate->require_subcommand(1);
   const auto hosts = std::make_shared<std::vector<std::string>>();
 
-  certificate->add_subcommand("show", "until when they are valid, and for which names")->callback([&chosen] {
+  certificate->add_subcommand("show", "show the certificates' names and dates")->callback([&chosen] {
     chosen.run_on_files = show;
   });
   auto* renew_command = certificate->add_subcommand(
       "renew",
-      "make the server a new one by the same authority, for the old names and these; needs tls/ca.key");
-  renew_command->add_option("--host-name", *hosts, "a further name or address; may be repeated, or A,B")
+      "make a new server certificate from the same authority, for the old names and these; needs tls/ca.key");
+  renew_command->add_option("--host-name", *hosts, "another name or address; may be repeated, or A,B")
       ->delimiter(',')
       ->type_name("HOST");
   renew_command->callback([&chosen, hosts] {
@@ -134,8 +134,7 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
   });
 
   auto* move_key = certificate->add_subcommand(
-      "move-key",
-      "move the authority's key to another medium; the server needs it for new certificates only");
+      "move-key", "move the authority's key to another medium; it is needed only for new certificates");
   const auto to = std::make_shared<std::string>();
   move_key->add_option("file", *to, "the new file there")->required()->type_name("FILE");
   move_key->callback([&chosen, to] {
@@ -145,11 +144,11 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
   });
 
   auto* authority = certificate->add_subcommand(
-      "authority", "follow the authority by a new one: prepare, bring ca.crt to all, switch, drop");
+      "authority", "replace the authority: prepare, copy ca.crt to all machines, switch, drop");
   authority->require_subcommand(1);
   const auto domains = std::make_shared<std::vector<std::string>>();
-  auto* prepare =
-      authority->add_subcommand("prepare", "make a new one; ca.crt then has both, and nothing else changes");
+  auto* prepare = authority->add_subcommand(
+      "prepare", "make a new authority; ca.crt then holds both, and nothing else changes");
   prepare
       ->add_option(
           "--domain", *domains,
@@ -161,10 +160,9 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
       return prepareNext(folder, output, *domains);
     };
   });
-  authority->add_subcommand("switch", "let the new one sign the server's certificate")->callback([&chosen] {
-    chosen.run_on_files = switchToNext;
-  });
-  authority->add_subcommand("drop", "take the old one out of ca.crt")->callback([&chosen] {
+  authority->add_subcommand("switch", "sign the server's certificate with the new authority")
+      ->callback([&chosen] { chosen.run_on_files = switchToNext; });
+  authority->add_subcommand("drop", "remove the old authority from ca.crt")->callback([&chosen] {
     chosen.run_on_files = dropOld;
   });
 }

@@ -99,10 +99,10 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
   };
   const auto values = std::make_shared<Values>();
 
-  auto* curriculum = app.add_subcommand("curriculum", "exercises, in order");
+  auto* curriculum = app.add_subcommand("curriculum", "courses and their exercises");
   curriculum->require_subcommand(1);
   auto* import_command =
-      curriculum->add_subcommand("import", "store a curriculum; its exercises replace the previous ones");
+      curriculum->add_subcommand("import", "store a course; its exercises replace the previous ones");
   import_command->add_option("file", values->file)->required()->type_name("FILE");
   import_command->callback([&chosen, values] {
     chosen.may_create = true;
@@ -113,19 +113,19 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
     };
     chosen.run = [values](CommandContext& context) { return importCurriculum(context, values->file); };
   });
-  auto* export_command = curriculum->add_subcommand("export", "the newest revision as JSON");
+  auto* export_command = curriculum->add_subcommand("export", "write a course as JSON");
   export_command->add_option("id", values->id)->required();
   addNewFile(export_command, chosen, values->out);
   runs(export_command, chosen,
        [values](CommandContext& context) { return exportCurriculum(context, values->id, values->out); });
-  runs(curriculum->add_subcommand("list", "all curricula and their exercises"), chosen, listCurricula);
+  runs(curriculum->add_subcommand("list", "list courses and their exercises"), chosen, listCurricula);
 
-  auto* assign = app.add_subcommand("assign", "a trainee or a group shall do an exercise or a course");
+  auto* assign = app.add_subcommand("assign", "assign an exercise or a course to a trainee or a group");
   assign->add_option("trainee", values->trainee, "or --group");
   assign->add_option("exercise,--exercise", values->exercise, "or --course");
   assign->add_option("--group", values->group, "a group instead of a trainee");
   assign->add_option("--course", values->course, "a course instead of an exercise");
-  assign->add_option("--due", values->due, "until when, e.g. 2026-12-01T18:00+01:00");
+  assign->add_option("--due", values->due, "due date, e.g. 2026-12-01T18:00+01:00");
   assign->callback([&chosen, values] {
     chosen.check = [values]() -> Status {
       if (values->trainee.empty() == values->group.empty())
@@ -150,7 +150,7 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
       return {};
     };
   });
-  auto* unassign = app.add_subcommand("unassign", "take an assignment back");
+  auto* unassign = app.add_subcommand("unassign", "withdraw an assignment");
   unassign->add_option("number", values->number, "as `assignments` shows it")
       ->required()
       ->check(CLI::NonNegativeNumber);  // -1 would be read as the greatest number
@@ -161,8 +161,8 @@ void addCurriculumCommands(CLI::App& app, ChosenCommand& chosen) {
     context.output.done(fmt::format("took assignment {} back", values->number));
     return {};
   });
-  auto* assignments = app.add_subcommand("assignments", "who shall do what");
-  assignments->add_option("--trainee", values->trainee, "default: everybody");
+  auto* assignments = app.add_subcommand("assignments", "list the assignments");
+  assignments->add_option("--trainee", values->trainee, "default: all trainees");
   runs(assignments, chosen,
        [values](CommandContext& context) { return listAssignments(context, values->trainee); });
 }

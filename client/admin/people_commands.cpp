@@ -219,7 +219,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
       ->check(CLI::IsMember({"unicode", "windows-1252"}));
   import_people->add_option("--lines-above", values->lines_above, "lines above the header, 0 to 1000")
       ->check(CLI::Range(0, 1000));
-  import_people->add_flag("--dry-run", values->dry_run, "only say what would happen");
+  import_people->add_flag("--dry-run", values->dry_run, "only list what would happen");
   import_people->callback([&chosen, values] {
     chosen.may_create = true;
     // an unreadable file must not create a folder
@@ -235,7 +235,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
       return importPeople(context, values->file, values->text, values->lines_above, values->dry_run);
     };
   });
-  auto* change = user->add_subcommand("change", "another role, name or full name");
+  auto* change = user->add_subcommand("change", "change a person's role, name or full name");
   change->add_option("name", values->name)->required();
   change->add_option("--role", values->role);
   auto* new_name =
@@ -253,11 +253,11 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     return changeUser(context, wanted);
   });
 
-  user->add_subcommand("list", "everybody")->callback([&chosen] { chosen.run = listUsers; });
+  user->add_subcommand("list", "list all people")->callback([&chosen] { chosen.run = listUsers; });
 
   for (const bool enable : {false, true}) {
-    auto* command = enable ? user->add_subcommand("enable", "undo a disable")
-                           : user->add_subcommand("disable", "no more log-in; nothing is deleted");
+    auto* command = enable ? user->add_subcommand("enable", "allow a disabled person to log in again")
+                           : user->add_subcommand("disable", "block a person's log-in; nothing is deleted");
     command->add_option("name", values->name)->required();
     runs(command, chosen, [values, enable](CommandContext& context) -> Status {
       pb::Request request;
@@ -269,7 +269,8 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
     });
   }
 
-  auto* passwd = user->add_subcommand("passwd", "set a password: one's own, or as administrator anybody's");
+  auto* passwd =
+      user->add_subcommand("passwd", "set your own password or, as administrator, another person's");
   passwd->add_option("name", values->name)->required();
   add_password_options(passwd);
   runs(passwd, chosen, [&global, &chosen, values](CommandContext& context) -> Status {
@@ -295,7 +296,7 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   auto* make = code->add_flag("--make", values->make, "the server makes a PIN of six digits, shown once");
   auto* file = code->add_option("--code-file", values->file, "first line: the code; else it is asked for")
                    ->type_name("FILE");
-  code->add_flag("--remove", values->remove, "no code any more")->excludes(make)->excludes(file);
+  code->add_flag("--remove", values->remove, "remove the code")->excludes(make)->excludes(file);
   make->excludes(file);
   runs(code, chosen, [values](CommandContext& context) {
     return setCode(context, values->name, values->file, values->make, values->remove);

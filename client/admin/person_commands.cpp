@@ -50,12 +50,12 @@ void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
     std::string name, note;
   };
   const auto values = std::make_shared<Values>();
-  auto* consent = app.add_subcommand("consent", "what people said to studies");
+  auto* consent = app.add_subcommand("consent", "people's consent to studies");
   consent->require_subcommand(1);
   for (const bool given : {true, false}) {
-    auto* command =
-        given ? consent->add_subcommand("give", "somebody consents to studies")
-              : consent->add_subcommand("withdraw", "somebody does so no more: from now on in no export");
+    auto* command = given ? consent->add_subcommand("give", "record a person's consent")
+                          : consent->add_subcommand(
+                                "withdraw", "withdraw a person's consent: later exports leave them out");
     command->add_option("name", values->name)->required();
     command->add_option("--note", values->note, "e.g. where the signed paper is");
     runs(command, chosen, [values, given](CommandContext& context) -> Status {
@@ -68,7 +68,7 @@ void addConsentCommands(CLI::App& app, ChosenCommand& chosen) {
       return {};
     });
   }
-  auto* list = consent->add_subcommand("list", "all that a person ever said");
+  auto* list = consent->add_subcommand("list", "list a person's decisions");
   list->add_option("name", values->name)->required();
   runs(list, chosen, [values](CommandContext& context) -> Status {
     pb::Request request;
@@ -94,11 +94,11 @@ void addMentionCommands(CLI::App& person, ChosenCommand& chosen) {
   };
   const auto values = std::make_shared<Values>();
   auto* list = person.add_subcommand(
-      "mentions", "remarks, titles and other texts that name a person: an erasure leaves them as they are");
-  auto* redact = person.add_subcommand("redact", "take a person's names out of one of these texts");
+      "mentions", "list remarks, titles and other texts that name a person; an erasure does not change them");
+  auto* redact = person.add_subcommand("redact", "remove a person's names from one of these texts");
   for (CLI::App* const command : {list, redact}) {
     command->add_option("name", values->name)->required();
-    command->add_option("--text", values->text, "look for these words, too, such as a nickname")
+    command->add_option("--text", values->text, "also look for these words, such as a nickname")
         ->type_name("WORDS");
   }
   redact->add_option("--where", values->where, "as 'mentions' shows it, such as \"remark 12\"")
@@ -156,14 +156,14 @@ void addOnePersonCommands(CLI::App& app, ChosenCommand& chosen) {
         "'" + values->name + "'");
   });
   addMentionCommands(*person, chosen);
-  auto* erase = person->add_subcommand("erase", "erase a person's data for ever");
+  auto* erase = person->add_subcommand("erase", "erase a person's data forever");
   erase->add_option("name", values->name)->required();
   erase->add_option("--confirm", values->confirm, "the name again")->required()->type_name("NAME");
   erase->add_option("--reason", values->reason, "for the record of erasures");
   erase->add_flag("--with-open-sessions", values->with_open,
-                  "also open sessions: samples still arriving are discarded");
+                  "include open sessions: samples still arriving are discarded");
   erase->add_flag("--with-waiting", values->with_waiting,
-                  "sessions that wait for a manager under this name, too: they may be another person's");
+                  "include sessions that wait for a manager under this name: they may be another person's");
   runs(erase, chosen, [values](CommandContext& context) -> Status {
     pb::Request request;
     auto* call = request.mutable_erase_person();
@@ -207,17 +207,17 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
     bool remarks = false, setup = false, passwords = false;
   };
   const auto values = std::make_shared<Values>();
-  auto* study = app.add_subcommand("study", "for researchers: those who consent, under pseudonyms");
+  auto* study =
+      app.add_subcommand("study", "for researchers: data of people who consented, under pseudonyms");
   study->require_subcommand(1);
   auto* out = study->add_subcommand("export", recordsHelp(ExportPlace::kStudyExport, " as "));
-  out->add_option("study", values->study,
-                  "its name: pseudonyms are the same within it, and others in another")
-      ->required();
+  out->add_option("study", values->study, "the study's name; another study has other pseudonyms")->required();
   addNewFile(out, chosen, values->out);
   out->add_option("--exercise", values->exercise, "default: all");
-  out->add_flag("--with-remarks", values->remarks, "with what instructors wrote; names in it are replaced");
+  out->add_flag("--with-remarks", values->remarks,
+                "include instructors' remarks; names in them are replaced");
   out->add_flag("--with-setup", values->setup,
-                "with device, placement and tool, by which stations can be told apart");
+                "include device, placement and tool; they tell stations apart");
   runs(out, chosen, [values](CommandContext& context) {
     return writeRecords(
         context, ExportPlace::kStudyExport, values->out,
@@ -231,8 +231,8 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
         },
         "study '" + values->study + "'");
   });
-  auto* recording =
-      study->add_subcommand("recording", "the samples of one of its sessions; times begin with 0");
+  auto* recording = study->add_subcommand(
+      "recording", "write the samples of one of the study's sessions; times begin at 0");
   recording->add_option("study", values->study)->required();
   recording->add_option("session", values->session, "as study export names it")->required();
   addFormat(recording, values->format, ExportPlace::kStudyRecording, "");
@@ -245,7 +245,8 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   });
   auto* all = app.add_subcommand("export-all", recordsHelp(ExportPlace::kRecords, ", as "));
   addNewFile(all, chosen, values->out);
-  all->add_flag("--with-passwords", values->passwords, "with the hashes of passwords and of stations' keys");
+  all->add_flag("--with-passwords", values->passwords,
+                "include the hashes of passwords and of stations' keys");
   runs(all, chosen, [values](CommandContext& context) {
     return writeRecords(
         context, ExportPlace::kRecords, values->out,

@@ -130,7 +130,7 @@ Status showProfile(CommandContext& context, const std::string& id, std::uint32_t
 }  // namespace
 
 void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
-  auto* profile = app.add_subcommand("profile", "patients: what a needle feels");
+  auto* profile = app.add_subcommand("profile", "patients");
   profile->require_subcommand(1);
   struct Values {
     std::vector<std::string> files;
@@ -159,7 +159,7 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
     };
   });
 
-  auto* export_command = profile->add_subcommand("export", "the profile as JSON");
+  auto* export_command = profile->add_subcommand("export", "write a profile as JSON");
   export_command->add_option("id", values->id)->required();
   export_command->add_option("--revision", values->revision, "default: the newest");
   addNewFile(export_command, chosen, values->out);
@@ -167,9 +167,9 @@ void addProfileCommands(CLI::App& app, ChosenCommand& chosen) {
     return exportProfile(context, values->id, values->revision, values->out);
   });
 
-  runs(profile->add_subcommand("list", "the newest revision of each"), chosen, listProfiles);
+  runs(profile->add_subcommand("list", "list the profiles"), chosen, listProfiles);
 
-  auto* show = profile->add_subcommand("show", "its layers and warnings");
+  auto* show = profile->add_subcommand("show", "show a profile's layers and warnings");
   show->add_option("id", values->id)->required();
   show->add_option("--revision", values->revision, "default: the newest");
   runs(show, chosen,

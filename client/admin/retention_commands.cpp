@@ -127,28 +127,32 @@ void addRetentionCommands(CLI::App& app, ChosenCommand& chosen) {
   };
   const auto values = std::make_shared<Values>();
   auto* retention =
-      app.add_subcommand("retention", "what happens to recordings after a time; nothing, unless it is set");
+      app.add_subcommand("retention", "what happens to old recordings; they are kept unless a policy is set");
   retention->require_subcommand(1);
-  runs(retention->add_subcommand("show", "the policies, and what they have done"), chosen, showRetention);
+  runs(retention->add_subcommand("show", "show the policies and what they have done"), chosen, showRetention);
 
-  auto* run = retention->add_subcommand("run", "do now what is due; the server does it each day");
-  run->add_flag("--dry-run", values->dry_run, "only say what would be done");
+  auto* run = retention->add_subcommand("run", "apply the policies now; the server does so each day");
+  run->add_flag("--dry-run", values->dry_run, "only list what would change");
   runs(run, chosen, [values](CommandContext& context) { return runNow(context, values->dry_run); });
 
-  auto* set = retention->add_subcommand("set", "the policy of an exercise, or of all others");
+  auto* set = retention->add_subcommand("set", "set the policy of an exercise, or of all others");
   set->add_option("exercise", values->exercise, "an exercise's id")->type_name("EXERCISE");
   set->add_flag("--default", values->is_default,
                 "instead of EXERCISE: for all exercises without their own policy");
-  set->add_flag("--keep", values->keep, "for ever");
-  set->add_flag("--as-default", values->as_default, "no policy of its own any more");
-  set->add_option("--thin-after", values->thin_after, "fewer samples so long after the session was closed")
+  set->add_flag("--keep", values->keep, "keep recordings forever");
+  set->add_flag("--as-default", values->as_default, "remove its own policy: the default applies");
+  set->add_option("--thin-after", values->thin_after,
+                  "days after the session closed until samples are thinned")
       ->type_name("DAYS");
-  set->add_option("--rate", values->rate, "samples a second that are left")->type_name("HZ");
-  set->add_option("--coarser", values->coarser, "steps of the numbers: so many times the original's (1)")
+  set->add_option("--rate", values->rate, "samples a second that are kept")->type_name("HZ");
+  set->add_option("--coarser", values->coarser,
+                  "round values K times as coarsely as the original; default: 1")
       ->type_name("K");
-  set->add_option("--delete-after", values->delete_after, "no samples so long after the session was closed")
+  set->add_option("--delete-after", values->delete_after,
+                  "days after the session closed until samples are deleted")
       ->type_name("DAYS");
-  set->add_flag("--without-backup", values->without_backup, "also sessions that no verified backup covers");
+  set->add_flag("--without-backup", values->without_backup,
+                "include sessions that no verified backup covers");
   set->callback([&chosen, values] {
     chosen.check = [values]() -> Status {
       const auto bad = [](const char* text) {

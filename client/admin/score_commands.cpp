@@ -134,12 +134,11 @@ void addReferenceCommands(CLI::App& app, ChosenCommand& chosen) {
   const auto choice = std::make_shared<ScoreChoice>();
   auto* reference = app.add_subcommand("reference", "the experts' sessions that others are compared with");
   reference->require_subcommand(1);
-  auto* set =
-      reference->add_subcommand("set", "replace the chosen sessions; without any there is no comparison");
+  auto* set = reference->add_subcommand("set", "choose the experts' sessions; none: no comparison");
   set->add_option("exercise", choice->exercise)->required();
   set->add_option("sessions", choice->sessions, "their UUIDs");
   runs(set, chosen, [choice](CommandContext& context) { return setReference(context, *choice); });
-  auto* show = reference->add_subcommand("show", "the bands that come of them, a row a measure");
+  auto* show = reference->add_subcommand("show", "show the experts' range of each measure");
   show->add_option("exercise", choice->exercise)->required();
   runs(show, chosen, [choice](CommandContext& context) -> Status {
     pb::Request request;
@@ -154,8 +153,7 @@ void addReferenceCommands(CLI::App& app, ChosenCommand& chosen) {
 void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
   addReferenceCommands(app, chosen);
   const auto choice = std::make_shared<ScoreChoice>();
-  auto* scores =
-      app.add_subcommand("scores", "measures of sessions, and the definitions they were made with");
+  auto* scores = app.add_subcommand("scores", "scores of sessions");
   scores->require_subcommand(1);
 
   const ExportFormat& usual = *formatsAt(ExportPlace::kScoresExport).front();
@@ -164,14 +162,14 @@ void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
             formatList(ExportPlace::kScoresExport, &ExportFormat::name))
       ->default_str(std::string(usual.name));
   addNewFile(out, chosen, choice->out, "the new file")->required();
-  out->add_option("--course", choice->course, "exercises of this course only");
-  out->add_option("--group", choice->group, "people of this group only");
+  out->add_option("--course", choice->course, "only exercises of this course");
+  out->add_option("--group", choice->group, "only people of this group");
   runs(out, chosen, [choice](CommandContext& context) { return exportScores(context, *choice); });
 
   auto* again = scores->add_subcommand(
-      "rescore", "every session whose score is of older definitions; the scores that it has stay");
-  again->add_option("--exercise", choice->exercise, "sessions of this exercise only");
-  again->add_flag("--dry-run", choice->dry_run, "only say how many there are");
+      "rescore", "score all sessions again whose score is from older definitions; the old scores stay");
+  again->add_option("--exercise", choice->exercise, "only sessions of this exercise");
+  again->add_flag("--dry-run", choice->dry_run, "only count them");
   runs(again, chosen, [choice](CommandContext& context) { return rescoreAll(context, *choice); });
 }
 

@@ -275,21 +275,21 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   };
   const auto values = std::make_shared<Values>();
 
-  auto* list = session->add_subcommand("list", "newest first");
-  list->add_option("--station", values->station, "of this station only");
-  list->add_option("--trainee", values->trainee, "of this trainee only");
-  list->add_option("--exercise", values->exercise, "of this exercise only");
+  auto* list = session->add_subcommand("list", "list sessions, newest first");
+  list->add_option("--station", values->station, "only this station");
+  list->add_option("--trainee", values->trainee, "only this trainee");
+  list->add_option("--exercise", values->exercise, "only this exercise");
   list->add_option("--from", values->from, "started at this moment or later")->type_name("2026-12-01T18:00Z");
   list->add_option("--to", values->to, "started before this moment")->type_name("2026-12-01T18:00Z");
   list->add_option(
           "--verdict", values->verdict,
           "passed, not-passed (or failed, its code in JSON), or none: no score, or nothing is required")
       ->check(CLI::IsMember({"passed", "not-passed", "failed", "none"}));
-  list->add_option("--search", values->search, "whose trainee's name or full name has this in it");
+  list->add_option("--search", values->search, "only trainees whose name or full name contains this");
   list->add_flag("--unknown-trainee", values->unknown,
                  "only sessions whose trainee was unknown on arrival, or whose code was not given: session "
                  "assign gives them to the right person");
-  list->add_option("--limit", values->limit, "at most so many; 0: all")->capture_default_str();
+  list->add_option("--limit", values->limit, "the most to list; 0: all")->capture_default_str();
   list->callback([&chosen, values] {
     const auto filter = std::make_shared<pb::ListSessions>();
     chosen.check = [values, filter]() -> Status {
@@ -323,14 +323,14 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
       return run(context, id);
     });
   };
-  with_id(session->add_subcommand("show", "what it is, its score and remarks"), showSession);
-  auto* assign = session->add_subcommand(
-      "assign", "give a session that waits to the right person, whose attempt it is from then on");
-  assign->add_option("--to", values->recipient, "the person, or guest: nobody")
+  with_id(session->add_subcommand("show", "show a session's data, score and remarks"), showSession);
+  auto* assign =
+      session->add_subcommand("assign", "assign a waiting session to a person, as that person's attempt");
+  assign->add_option("--to", values->recipient, "the person, or guest for no account")
       ->required()
       ->type_name("NAME");
   assign->add_option("--reason", values->reason, "for the audit log");
-  assign->add_option("--begin", values->begin, "when it began, of a session whose station's clock was wrong")
+  assign->add_option("--begin", values->begin, "when the session began, if the station's clock was wrong")
       ->type_name("TIME");
   with_id(assign, [values](CommandContext& context, const Uuid& id) -> Status {
     pb::Request show, request;
@@ -351,38 +351,41 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
     return {};
   });
   auto* confirm = session->add_subcommand(
-      "confirm", "confirm the trainee of all sessions that wait only because no code was given");
-  confirm->add_option("--station", values->station, "of this station only");
-  confirm->add_option("--trainee", values->trainee, "of this trainee only");
+      "confirm", "confirm the trainee of all sessions that wait only for a missing code");
+  confirm->add_option("--station", values->station, "only this station");
+  confirm->add_option("--trainee", values->trainee, "only this trainee");
   runs(confirm, chosen, [values](CommandContext& context) {
     return confirmSessions(context, values->station, values->trainee);
   });
-  with_id(session->add_subcommand("verify", "read it again: every chunk, the hash"), verifySession);
-  with_id(session->add_subcommand("events", "aspirations and injections, with place and time"), listEvents);
+  with_id(session->add_subcommand("verify", "check a session's chunks and hash"), verifySession);
+  with_id(session->add_subcommand("events", "list aspirations and injections with place and time"),
+          listEvents);
   auto* score =
-      session->add_subcommand("score", "its measures, in words, beside those of the exercise's experts");
-  score->add_option("--version", values->version, "of the definitions; 0: the newest")->capture_default_str();
+      session->add_subcommand("score", "show a session's measures beside those of the exercise's experts");
+  score->add_option("--version", values->version, "version of the definitions; 0: the newest")
+      ->capture_default_str();
   with_id(score, [values](CommandContext& context, const Uuid& id) {
     return showSessionScore(context, id, values->version);
   });
-  auto* export_command = session->add_subcommand("export", "its samples, for other programs");
+  auto* export_command = session->add_subcommand("export", "write a session's samples for other programs");
   addFormat(export_command, values->format, ExportPlace::kSessionExport,
             formatList(ExportPlace::kSessionExport, &ExportFormat::name) +
                 " (common/gesture/FORMAT.md); else what the file's name says");
   addNewFile(export_command, chosen, values->out, "the new file")->required();
-  export_command->add_option("--from", values->range.from_s, "from this moment on, since the first sample")
+  export_command->add_option("--from", values->range.from_s, "begin this long after the first sample")
       ->type_name("SECONDS");
-  export_command->add_option("--to", values->range.to_s, "up to this moment")->type_name("SECONDS");
+  export_command->add_option("--to", values->range.to_s, "end this long after the first sample")
+      ->type_name("SECONDS");
   export_command->add_flag("--damaged", values->range.around_damage,
-                           "write what can be read around damaged chunks, name those, exit 1");
+                           "skip damaged chunks: write the rest, name them, exit 1");
   with_id(export_command, [values](CommandContext& context, const Uuid& id) -> Status {
     ASSIGN_OR_RETURN(const auto* const format,
                      formatFor(ExportPlace::kSessionExport, values->format, values->out));
     return exportSession(context.backend, context.output, id, *format, values->out, values->range);
   });
 
-  auto* annotate = app.add_subcommand("annotate", "a remark on a moment of a session");
-  annotate->add_option("--tick", values->tick, "which moment (the samples' tick)")
+  auto* annotate = app.add_subcommand("annotate", "add a remark to a moment of a session");
+  annotate->add_option("--tick", values->tick, "the moment (the sample's tick)")
       ->check(CLI::NonNegativeNumber)  // -1 would be read as the greatest number
       ->capture_default_str();
   annotate->add_option("--text", values->text, "the remark")->required();

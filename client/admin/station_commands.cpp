@@ -218,9 +218,9 @@ void addStationCommands(CLI::App& app, ChosenCommand& chosen) {
     };
   });
 
-  station->add_subcommand("list", "all stations")->callback([&chosen] { chosen.run = listStations; });
+  station->add_subcommand("list", "list the stations")->callback([&chosen] { chosen.run = listStations; });
 
-  auto* revoke = station->add_subcommand("revoke", "its key opens nothing any more; its sessions stay");
+  auto* revoke = station->add_subcommand("revoke", "make a station's key invalid; its sessions stay");
   revoke->add_option("name", values->name)->required();
   runs(revoke, chosen, [values](CommandContext& context) -> Status {
     pb::Request request;

@@ -99,7 +99,7 @@ void addStoreCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand&
     bool begin_again = false;
   };
   const auto values = std::make_shared<Values>();
-  auto* store = app.add_subcommand("store", "where the lab's database is");
+  auto* store = app.add_subcommand("store", "the lab's database");
   store->require_subcommand(1);
   auto* copy =
       store->add_subcommand("copy",

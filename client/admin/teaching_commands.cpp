@@ -231,9 +231,9 @@ void addGroupCommands(CLI::App& app, ChosenCommand& chosen) {
   const auto values = std::make_shared<Values>();
   auto* group = app.add_subcommand("group", "groups of people");
   group->require_subcommand(1);
-  group->add_subcommand("list", "all groups")->callback([&chosen] { chosen.run = listGroups; });
+  group->add_subcommand("list", "list the groups")->callback([&chosen] { chosen.run = listGroups; });
 
-  auto* set = group->add_subcommand("set", "make a group, or give it another name");
+  auto* set = group->add_subcommand("set", "make or rename a group");
   set->add_option("id", values->id)->required();
   set->add_option("--name", values->name, "default: the id");
   runs(set, chosen, [values](CommandContext& context) {
@@ -241,8 +241,8 @@ void addGroupCommands(CLI::App& app, ChosenCommand& chosen) {
                      {.id = values->id, .name = values->name, .join = {}, .leave = {}, .create = true});
   });
   for (const bool join : {true, false}) {
-    auto* command = join ? group->add_subcommand("join", "people join a group")
-                         : group->add_subcommand("leave", "people leave a group");
+    auto* command = join ? group->add_subcommand("join", "add people to a group")
+                         : group->add_subcommand("leave", "remove people from a group");
     command->add_option("id", values->id)->required();
     command->add_option("people", values->people)->required();
     runs(command, chosen, [values, join](CommandContext& context) {
@@ -251,14 +251,14 @@ void addGroupCommands(CLI::App& app, ChosenCommand& chosen) {
       return editGroup(context, edit);
     });
   }
-  auto* show = group->add_subcommand("show", "a group and its members");
+  auto* show = group->add_subcommand("show", "show a group's members");
   show->add_option("id", values->id)->required();
   runs(show, chosen, [values](CommandContext& context) -> Status {
     ASSIGN_OR_RETURN(const auto found, groupNamed(context.backend, values->id));
     return context.output.one(
         {{"id", "id"}, {"name", "name"}, {"revision", "revision"}, {"names", "members"}}, groupRow(found));
   });
-  auto* remove = group->add_subcommand("remove", "a group and its assignments; its people stay");
+  auto* remove = group->add_subcommand("remove", "remove a group and its assignments; its people stay");
   remove->add_option("id", values->id)->required();
   runs(remove, chosen, [values](CommandContext& context) -> Status {
     ASSIGN_OR_RETURN(const auto found, groupNamed(context.backend, values->id));
@@ -281,12 +281,12 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
     ResultChoice results;
   };
   const auto values = std::make_shared<Values>();
-  auto* results = app.add_subcommand("results", "who passed what in a course");
+  auto* results = app.add_subcommand("results", "show who passed what in a course");
   results->add_option("course", values->results.course)->required();
   results->add_option("--group", values->results.group,
                       "default: all who have the course, or tried an exercise of it");
-  results->add_option("--trainee", values->results.trainee, "this one alone");
-  results->add_option("--limit", values->results.most, "so many trainees at most, by name")
+  results->add_option("--trainee", values->results.trainee, "only this trainee");
+  results->add_option("--limit", values->results.most, "the most trainees to list, by name")
       ->check(CLI::Range(1u, 1'000'000u));
   auto* out = addNewFile(results, chosen, values->results.out,
                          fmt::format("a table for a spreadsheet ({}) into this new file: {}",
@@ -299,16 +299,16 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
       ->capture_default_str()
       ->needs(out);
   runs(results, chosen, [values](CommandContext& context) { return showResults(context, values->results); });
-  auto* progress = app.add_subcommand("progress", "the attempts of a trainee; with --json, their measures");
+  auto* progress = app.add_subcommand("progress", "show a trainee's attempts; with --json their measures");
   progress->add_option("trainee", values->trainee)->required();
   progress->add_option("--exercise", values->exercise, "default: all");
   runs(progress, chosen, [values](CommandContext& context) {
     return showProgress(context, values->trainee, values->exercise);
   });
-  auto* excuse = app.add_subcommand("excuse", "an attempt does not count, e.g. after a fault of the station");
+  auto* excuse = app.add_subcommand("excuse", "do not count an attempt, e.g. after a fault of the station");
   excuse->add_option("session", values->session)->required();
   excuse->add_option("--reason", values->reason, "for the audit log");
-  excuse->add_flag("--undo", values->undo, "it counts again");
+  excuse->add_flag("--undo", values->undo, "count it again");
   runs(excuse, chosen, [values](CommandContext& context) -> Status {
     ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->session));
     pb::Request request;
@@ -322,7 +322,7 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
     return {};
   });
   auto* rescore = app.add_subcommand(
-      "rescore", "score a stored session by the definitions of now; the first score stays");
+      "rescore", "score a session again by the current definitions; the first score stays");
   rescore->add_option("session", values->session)->required();
   runs(rescore, chosen, [values](CommandContext& context) -> Status {
     ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->session));

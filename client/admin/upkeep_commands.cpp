@@ -227,15 +227,15 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
       app.add_subcommand("backup", "copy the database to another file and verify the copy");
   auto* path = backup_command
                    ->add_option("path,--out", values->path,
-                                "the new file; with --server a path of the server's machine")
+                                "the new file; with --server a path on the server's machine")
                    ->type_name("FILE");
   auto* dir =
       backup_command
           ->add_option("--dir", values->folder,
-                       "a folder instead of FILE: the file is named by the time, old ones are removed")
+                       "a folder instead of FILE: the file is named by its time, and old ones are removed")
           ->type_name("DIR")
           ->excludes(path);
-  backup_command->add_option("--keep", values->keep, "so many backups stay in DIR, the newest")
+  backup_command->add_option("--keep", values->keep, "how many backups to keep in DIR")
       ->check(CLI::Range(1u, 100'000u))
       ->capture_default_str()
       ->needs(dir);
@@ -278,13 +278,11 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
   });
 
   auto* restore_command = app.add_subcommand(
-      "restore", "put a backup in the place of a stopped server's database, which is kept (needs --data)");
+      "restore", "replace a stopped server's database by a backup; the old one is kept (needs --data)");
   restore_command->add_option("--from", values->from, "the backup; it is checked completely first")
       ->required()
       ->type_name("FILE");
-  restore_command
-      ->add_option("--key", values->key,
-                   "the key's file, for an encrypted backup; a plain one is refused then")
+  restore_command->add_option("--key", values->key, "the key's file, for an encrypted backup")
       ->type_name("KEYFILE");
   restore_command->callback([&chosen, values] {
     chosen.run_on_files = [values](const std::filesystem::path& folder, Output& output) {
@@ -292,9 +290,9 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
     };
   });
 
-  auto* key_command = app.add_subcommand("backup-key", "the key that backups are encrypted with");
+  auto* key_command = app.add_subcommand("backup-key", "the key that encrypts backups");
   key_command->require_subcommand(1);
-  auto* new_key = key_command->add_subcommand("new", "make a random one; needs neither --data nor --server");
+  auto* new_key = key_command->add_subcommand("new", "make a random key; needs neither --data nor --server");
   new_key->add_option("file", values->key, "the new file; it is never overwritten")
       ->required()
       ->type_name("FILE");
@@ -302,21 +300,21 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
     chosen.run_without_folder = [values](Output& output) { return newBackupKey(output, values->key); };
   });
 
-  auto* lab = app.add_subcommand("lab", "what holds for the whole lab");
+  auto* lab = app.add_subcommand("lab", "settings of the whole lab");
   lab->require_subcommand(1);
-  lab->add_subcommand("show", "codes of trainees, sessions of erased people")->callback([&chosen] {
+  lab->add_subcommand("show", "show the settings")->callback([&chosen] {
     chosen.run = [](CommandContext& context) {
       pb::Request request;
       request.mutable_get_lab_settings();
       return showLab(context, request);
     };
   });
-  auto* lab_set = lab->add_subcommand("set", "change it");
-  lab_set->add_option("--codes", values->codes, "required: who has no code cannot practise, except as guest")
+  auto* lab_set = lab->add_subcommand("set", "change a setting");
+  lab_set->add_option("--codes", values->codes, "required: people without a code can practise only as guest")
       ->check(CLI::IsMember({"required", "optional"}));
   lab_set
       ->add_option("--sessions-of-erased", values->of_erased,
-                   "stay: what an erased person recorded stays, without a name")
+                   "stay: an erased person's recordings stay, without a name")
       ->check(CLI::IsMember({"stay", "go"}));
   lab_set->require_option(1, 2);
   runs(lab_set, chosen, [values](CommandContext& context) {
@@ -328,7 +326,7 @@ void addUpkeepCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand
   });
 
   auto* check_command =
-      app.add_subcommand("check", "read the whole database again: structure, every chunk, every hash");
+      app.add_subcommand("check", "check the whole database: structure, every chunk, every hash");
   const auto of_copy = std::make_shared<bool>(false);
   check_command->add_flag("--of-copy", *of_copy,
                           "only whether the database of --data is sound as a copy, such as a restored base "

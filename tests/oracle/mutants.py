@@ -4,7 +4,8 @@ found before is found after.
 
 usage: mutants.py BUILD OUT.tsv [--seed N] [--each N] [--only SUBJECT] [--again FILE.tsv]
 
-BUILD is a build directory of this checkout, whose files are changed and put back: use a checkout of its own. Each subject has --each mutants. A line
+BUILD is a build directory of this checkout, whose files are changed and put back: use a checkout of its own, built without batches
+(-DCMAKE_UNITY_BUILD=OFF), where a changed file is compiled alone. Each subject has --each mutants. A line
 that does not compile is drawn again; a test that hangs has found its mutant. First the suites must pass on the unchanged code. OUT.tsv has a row for each: subject, file, line, old, new, found by.
 --again takes the mutants from an earlier table (by their text, wherever the line is now).
 """

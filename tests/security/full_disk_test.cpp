@@ -219,7 +219,8 @@ TEST(FullDisk, anAccountsQuotaSpansAllItsConnections) {
       continue;
     }
     ASSERT_EQ(reply.error().code, ErrorCode::kNoRoom) << reply.error().message;
-    EXPECT_THAT(reply.error().message, testing::AllOf(HasSubstr("within a day"), HasSubstr(" min")));
+    EXPECT_THAT(reply.error().message,
+                testing::AllOf(HasSubstr("used up what it may store in a day"), HasSubstr(" min")));
   }
   EXPECT_EQ(stored, 5);
   auto tom = s.server.connect(personLogin("tom", kPassword));

@@ -156,7 +156,7 @@ test('a measure is called by its words without value and verdict', () => {
     'Peak force in C5: at least 3 mm 2.14 N: just below the 2.14 N asked for': 'Peak force in C5: at least 3 mm',
     'Peak force in fat 2.14 N: within 1 N to 3 N': 'Peak force in fat',
     'Target not reached: it had to be': 'Target not reached',
-    'Aspirated before the injection: it was not to be done': 'Aspirated before the injection',
+    'Aspirated before the injection: this was not allowed': 'Aspirated before the injection',
     'Mean force in layer 4 0 N': 'Mean force in layer 4',
     'Mean speed 11.6 mm/s': 'Mean speed',
     'Entries 1: within the 2 allowed': 'Entries',

@@ -144,8 +144,8 @@ UplinkSession::AtServer Uplink::atServer(const UplinkSession& session) const {
 
 void Uplink::reportSentAgain(const UplinkSession& session) const {
   report("session " + session.spool()->idText() +
-         ": the server has not all of it any more (an older backup was restored there, or a standby was "
-         "promoted that lagged); it is sent again");
+         ": the server no longer has all of it (an older backup was restored there, or a lagging standby "
+         "was promoted); it is sent again");
 }
 
 // sends status lines and probes, and saves receipts, for the life of this connection
@@ -243,7 +243,7 @@ bool Uplink::isForCurrentSession(const std::string& session_id) const {
   if (session_id.empty() ||
       (current_ != nullptr && current_->spool()->description().session_id() == session_id))
     return true;
-  report("an instructor's word for another lesson than this one came too late and is passed over");
+  report("an instructor's message was for another lesson and is ignored");
   return false;
 }
 

@@ -19,6 +19,8 @@ eval 'set palette defined ('.palette_text.')'
 set palette maxcolors count + 1
 set cbrange [-1:count - 1]
 unset colorbox
+stats rows using ($1 == 1 ? $2 : NaN) skip 1 nooutput
+sphere_title = sprintf('sphere steps, at least %g to %g mm', STATS_min, STATS_max)
 set multiplot
 # the section: square pixels
 set lmargin at screen 0.065
@@ -35,7 +37,7 @@ unset grid
 plot section using 1:2:3 skip 1 with image notitle, for [i = 1:count] keyentry with points pt 5 ps 1.6 lc rgb name_colour[i] title names[i]
 # error against time
 set size noratio
-set lmargin at screen 0.67
+set lmargin at screen 0.70
 set rmargin at screen 0.98
 set title 'A stack of layers: error against time' font title_font textcolor rgb title_colour
 set xlabel 'processor time of a march, median, µs'
@@ -44,14 +46,13 @@ set logscale xy
 set autoscale
 floor_N = 1e-5
 set yrange [floor_N/2:0.2]
-set xrange [5:500]
+set xrange [5:1000]
 set format y '%g'
 set grid
 set key at graph 0.98, 0.98 right top vertical Right noreverse box
 set arrow 1 from graph 0, first 0.02 to graph 1, first 0.02 nohead ls 6
 set label 1 'goal: 0.02 N' at graph 0.02, first 0.026 font 'DejaVu Sans,10' textcolor rgb text_colour
 plot rows using ($1 == 0 ? $5 : NaN):($4 > floor_N ? $4 : floor_N) skip 1 with linespoints ls 2 pt 7 title 'fixed steps', \
-     rows using ($1 == 1 ? $5 : NaN):($4 > floor_N ? $4 : floor_N) skip 1 with linespoints ls 1 pt 7 title 'sphere steps', \
-     rows using ($1 == 0 ? $5 : NaN):($4 > floor_N ? $4 : floor_N):(sprintf('%g mm', $2)) skip 1 with labels left offset 0.6,0.6 font 'DejaVu Sans,9' notitle, \
-     rows using ($1 == 1 ? $5 : NaN):($4 > floor_N ? $4 : floor_N):(sprintf('%g mm', $2)) skip 1 with labels right offset -0.8,-0.4 font 'DejaVu Sans,9' notitle
+     rows using ($1 == 1 ? $5 : NaN):($4 > floor_N ? $4 : floor_N) skip 1 with linespoints ls 1 pt 7 title sphere_title, \
+     rows using ($1 == 0 ? $5 : NaN):($4 > floor_N ? $4 : floor_N):(sprintf('%g mm', $2)) skip 1 with labels rotate by 45 left offset 0.4,0.5 font 'DejaVu Sans,9' notitle
 unset multiplot

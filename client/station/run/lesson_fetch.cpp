@@ -125,7 +125,7 @@ void LessonFetch::keepAsksCode(bool asks) const {
   if (const Status kept =
           CurriculumCache(options_.spool, options_.key_file).keepAsksCode(options_.trainee, asks);
       !kept.ok())
-    logMessage("it is not kept whether a code is asked for: " + kept.error().message);
+    logMessage("this station could not save whether the server asks for a code: " + kept.error().message);
 }
 
 // a profile from a file needs no server, but a reachable one says whether it knows the trainee

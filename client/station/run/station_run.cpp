@@ -167,7 +167,7 @@ Status StationRun::openSession() {
   if (const Status kept =
           CurriculumCache(options_.spool, options_.key_file).keepBegun(options_.trainee, options_.exercise);
       !kept.ok())
-    logMessage("it is not kept here that an attempt was begun: " + kept.error().message);
+    logMessage("this station could not save that an attempt was begun: " + kept.error().message);
   return {};
 }
 

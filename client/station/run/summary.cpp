@@ -78,7 +78,7 @@ constexpr FlagText kFlagTexts[] = {
     {kFlagTorque, false, "torque of the orientation limit"},
     {kFlagNotStepped, true, "tick not computed (bad sample, or after a fault)"},
     {kFlagStartedInside, true,
-     "in the tissue, or with the cap on the skin, from the start: no force until it was off once"},
+     "in the tissue, or with the cap on the skin, from the start: no force until it was lifted clear"},
     {kFlagBeyondNeedle, true, "inserted deeper than the needle is long"},
     {kFlagFlatEntry, true, "entries with the needle flat on the skin"},
     {kFlagCapped, false, "with the cap on"},

@@ -69,7 +69,7 @@ inline constexpr std::size_t kMeasureRoleCount = 12;
 /// Words of a yes-or-no measure besides its own, which are those of a yes.
 struct YesNoWords {
   std::string_view no;        ///< "Target not reached"
-  std::string_view unwanted;  ///< said of a yes that the exercise forbids: "it was to be left alone"
+  std::string_view unwanted;  ///< said of a yes that the exercise forbids: "it had to be avoided"
 };
 
 /// Why a gesture with this measure above 0 is no reference.

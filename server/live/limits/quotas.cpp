@@ -97,9 +97,9 @@ Status PeopleShares::admit(const std::string& name, pb::Role role, std::size_t b
   if (used_.take(name, rate, cost, now_ns)) return {};
   return Error{
       ErrorCode::kNoRoom,
-      fmt::format("this account has had stored what one may within a day ({:.0f} MiB, of which each "
-                  "request takes its length and {} bytes): there is room for this one in {:.0f} min; "
-                  "if you did not do so much, have a manager set a new password",
+      fmt::format("this account has used up what it may store in a day ({:.0f} MiB; each request counts its "
+                  "length plus {} bytes): try again in {:.0f} min; if this was not you, have a manager "
+                  "set a new password",
                   share / 0x1p20, kRequestBytes, used_.of(name, rate, now_ns).minutesUntil(cost, now_ns))};
 }
 

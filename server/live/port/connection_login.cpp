@@ -233,7 +233,8 @@ void PeerConnection::refuseClaim(const Error& why) {
                                                        : pb::Refusal::INTERNAL;
   refuseAndClose(makeRefusal(
       reason,
-      is_late ? why.message : "the log-in could not be stored, as nothing can be now; see the server's log"));
+      is_late ? why.message
+              : "the log-in could not be stored: the server can store nothing at the moment; see its log"));
 }
 
 Task<> PeerConnection::welcome(std::int64_t password_ns) {

@@ -22,7 +22,7 @@ __all__ = ["Judgement"]  # for modules that import them from here
 PASSWORD = "correct horse battery 15"
 STATIONS = 3
 # a station's message about a server that lacks acknowledged data
-LACKS = re.compile(r"^session .*: the server (?:lacks what it had acknowledged|has not all of it any more).*$", re.MULTILINE)
+LACKS = re.compile(r"^session .*: the server (?:lacks what it had acknowledged|no longer has all of it).*$", re.MULTILINE)
 
 # the tables that the judge reads, with their columns; those in BYTES are written as hexadecimal digits
 TABLES = {

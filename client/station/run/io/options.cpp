@@ -114,9 +114,10 @@ void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
       "--plunger", raw.plunger,
       "buttons that press the plunger and draw it back, where the device has buttons; default: 0,1");
   app.add_flag("--uncapped", o.uncapped, "a lesson with PALPATION begins with the needle's cap off");
-  app.add_flag("--passivity-control", o.passivity_control,
-               "renders less of a force that would give the hand more energy than the hand gave, also where "
-               "device and scene are proven to give none: elsewhere it is always on");
+  app.add_flag(
+      "--passivity-control", o.passivity_control,
+      "always reduce a force that would give the hand more energy than it put in; without this option only "
+      "where device and scene are not proven safe");
   app.add_option("--tool", raw.tool, "the tip in the handle's frame: x,y,z,qx,qy,qz,qw (m), or a JSON file");
   app.add_option("--placement", raw.placement,
                  "the limb in the device's base frame: x,y,z,qx,qy,qz,qw (m), or a JSON file");
@@ -245,7 +246,7 @@ Status takeEnrolment(StationOptions& options, RawOptions& raw) {
   if (options.mode == StationMode::kEnrol || !raw.enrolled) return {};
   if (!raw.server.empty() || !options.ca_file.empty() || !options.key_file.empty())
     return Error{ErrorCode::kInvalidInput,
-                 "--enrolled takes the place of --server, --ca and --key: leave these away"};
+                 "--enrolled replaces --server, --ca and --key: give only one or the other"};
   const EnrolmentFiles files = enrolmentFilesIn(options.enrolled);
   const auto server = readWholeFile(files.server, 8000);
   if (!server.ok())
@@ -328,7 +329,7 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   for (const auto& [name, value] : numbers)
     if (std::isnan(value)) return usage(std::string(name) + " is not a number");
   if (options.mode != StationMode::kCalibrate && !options.tool_out.empty())
-    return usage("--out is the tool file that --calibrate writes; add --calibrate, or leave --out away");
+    return usage("--out is the tool file that --calibrate writes: add --calibrate, or omit --out");
   // a window can ask a person, unless it starts by itself or has no display
   const bool asked_now = options.mode == StationMode::kLesson && (options.headless || options.window.start);
   if (!server.empty()) {

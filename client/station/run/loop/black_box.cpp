@@ -249,7 +249,7 @@ void BlackBoxWriter::finish() {
   const BlackBoxCounts all = counts();
   if (all.not_kept > 0)
     log_(fmt::format(
-        "black box: {} of {} faults and storms of missed ticks came after the most that is kept of a session",
+        "black box: {} of {} faults and storms of missed ticks were not saved: the session has its most files",
         all.not_kept, all.triggers));
   if (all.ticks_refused > 0)
     log_(fmt::format("black box: {} ticks are not in it, because the disk was more than a second behind",

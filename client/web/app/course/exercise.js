@@ -19,7 +19,7 @@ const kAids = [
   ['ULTRASOUND', 'Ultrasound-like slice'],
   ['TISSUES', 'Layers, translucent, with names'],
   ['ANATOMY', 'Targets and hazards'],
-  ['GUIDES', 'Insertion line, angle cone, wall'],
+  ['GUIDES', 'Insertion line, wall'],
   ['ARROWS', 'Force arrows'],
   ['ALIGNMENT', 'Distance and tilt from own line, speed'],
   ['PLANNED_LINE', 'Planned entry and line'],

@@ -192,7 +192,7 @@ const kValue = String.raw`[-−]?\d[\d.]*(?:e[-+]?\d+)?(?:\s?(?:%|[^\s\d(]{1,5})
 // words
 const kVerdict = new RegExp(
   `: (?:(?:within|(?:just )?above) the ${kValue} allowed|(?:at least|(?:just )?below) the ${kValue} asked for|` +
-    `within ${kValue} to ${kValue}|it had to be|it was not to be done|it was to be left alone)$`,
+    `within ${kValue} to ${kValue}|it had to be|this was not allowed|it had to be avoided)$`,
   'u',
 );
 const kValueAtEnd = new RegExp(String.raw`\s${kValue}$`, 'u');

@@ -577,7 +577,7 @@ TEST_F(UplinkTest, statusLinesDescribeTheLessonWithinTheirSizeBound) {
   ASSERT_TRUE(eventually([&] { return server.newestStatus().peak_force_n() == 0; })) << "another lesson";
 }
 
-TEST_F(UplinkTest, wordsForAnotherLessonThanThisOneArePassedOver) {
+TEST_F(UplinkTest, messagesForAnotherLessonAreIgnored) {
   FakeServer server;
   auto session = makeSession(1, false);
   auto uplink = connected(server.clientConfig());
@@ -589,9 +589,9 @@ TEST_F(UplinkTest, wordsForAnotherLessonThanThisOneArePassedOver) {
     envelope.mutable_stop_lesson()->set_reason(reason);
     server.broadcast(envelope);
   };
-  stop(std::string(16, 'x'), "of before");
-  stop(session->description().session_id(), "of this one");
-  stop("", "whichever");
+  stop(std::string(16, 'x'), "for another lesson");
+  stop(session->description().session_id(), "for this one");
+  stop("", "for any lesson");
   pb::Envelope aids;
   aids.mutable_set_aids()->set_from("ines");
   aids.mutable_set_aids()->add_aids(pb::Exercise::DEPTH);
@@ -603,10 +603,10 @@ TEST_F(UplinkTest, wordsForAnotherLessonThanThisOneArePassedOver) {
     return std::find(all.begin(), all.end(), text) != all.end();
   };
   ASSERT_TRUE(eventually([&] { return has("aids of ines: 1"); }));
-  EXPECT_TRUE(has("stop: of this one"));
-  EXPECT_TRUE(has("stop: whichever"));
-  EXPECT_FALSE(has("stop: of before"));
-  EXPECT_THAT(said(), testing::Contains(testing::HasSubstr("came too late")));
+  EXPECT_TRUE(has("stop: for this one"));
+  EXPECT_TRUE(has("stop: for any lesson"));
+  EXPECT_FALSE(has("stop: for another lesson"));
+  EXPECT_THAT(said(), testing::Contains(testing::HasSubstr("was for another lesson and is ignored")));
 }
 
 TEST(ClockProbe, theLeastRoundTripWins) {
