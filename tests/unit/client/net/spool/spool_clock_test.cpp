@@ -51,6 +51,15 @@ TEST(SpoolClock, aJumpCountsADayAtMostAndNeverBack) {
   EXPECT_EQ(clock.nowNs(), 2 * kDay_ns + kHour_ns);
 }
 
+TEST(SpoolClock, aDifferenceFromAMinuteOnIsSaidInItsUnit) {
+  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  EXPECT_EQ(clockOffText(59 * kSecond_ns), "");
+  EXPECT_EQ(clockOffText(60 * kSecond_ns), "this computer's clock is 1 min ahead of the server's");
+  EXPECT_EQ(clockOffText(-59 * 60 * kSecond_ns), "this computer's clock is 59 min behind the server's");
+  EXPECT_EQ(clockOffText(-5400 * kSecond_ns), "this computer's clock is 1.5 h behind the server's");
+  EXPECT_EQ(clockOffText(3 * kDay_ns), "this computer's clock is 3 days ahead of the server's");
+}
+
 // Servers whose clocks differ by hours: switching between them must not age the spool's sessions.
 TEST(SpoolClock, twoServerClocksAddNoMoreThanLocalTime) {
   constexpr std::int64_t kMinute_ns = 60'000'000'000;

@@ -413,6 +413,22 @@ TEST_F(SpoolWriterTest, samplesOfARefusedChunkInTheTailAreNotLost) {
   EXPECT_EQ(session_->contents().loss, (SpoolLoss{2700, 1300}));
 }
 
+TEST_F(SpoolWriterTest, aSessionWhoseLastChunkHasNoRoomIsNotEndedAndLosesNothing) {
+  {
+    SpoolWriter writer(ring_, session_, stepped(), callbacks());
+    push(0, 1300);
+    run(writer, 12);  // 300 of them in the tail alone
+    FullDisk disk(1);
+    const Status ended = writer.finish(100ms);
+    ASSERT_FALSE(ended.ok());
+    EXPECT_THAT(ended.error().message, HasSubstr("could not be ended"));
+    EXPECT_EQ(writer.counts().samples_lost, 0u);
+    EXPECT_FALSE(session_->contents().ended);
+  }
+  reopen();
+  EXPECT_EQ(stored().size(), 1300u);
+}
+
 TEST_F(SpoolWriterTest, aRingThatOverflowsCountsAsLossOfTheSession) {
   SpoolWriter writer(ring_, session_, stepped(), callbacks());
   // full before the writer drains it

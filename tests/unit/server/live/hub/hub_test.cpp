@@ -588,6 +588,36 @@ TEST(Hub, theNewestConnectionOfAStationCounts) {
   EXPECT_EQ(hub.stationPeer("bench-1"), &newer);
 }
 
+TEST(Hub, aFrameOfAStationThatIsGoneReachesNoViewer) {
+  Hub hub;
+  FakePeer station, anna;
+  hub.attachStation("bench-1", station);
+  ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
+  hub.detachStation("bench-1", station);
+  EXPECT_FALSE(hub.onLiveFrame("bench-1", frameNumber(0), 0)) << "known, but not connected";
+  EXPECT_FALSE(hub.onLiveFrame("bench-2", frameNumber(0), 0)) << "unknown";
+  EXPECT_EQ(anna.liveFrames(), 0u);
+}
+
+// What a session's viewers look up must not be a station that is forgotten (memory; under ASan).
+TEST(Hub, aForgottenStationIsNoLongerFoundByItsSession) {
+  Hub hub;
+  FakePeer station, other, anna;
+  const std::string session(16, 'x');
+  hub.attachStation("bench-1", station);
+  hub.onSession("bench-1", session);
+  hub.detachStation("bench-1", station);
+  hub.attachStation("bench-2", other);
+  hub.onSession("bench-2", session);
+  pb::Subscribe wanted;
+  wanted.set_subscription(1);
+  wanted.set_session_id(session);
+  ASSERT_FALSE(hub.subscribe(anna, wanted, 0));
+  EXPECT_TRUE(lastWatchState(other));
+  ASSERT_FALSE(hub.onLiveFrame("bench-2", frameNumber(0, session), 0));
+  EXPECT_EQ(anna.liveFrames(), 1u);
+}
+
 // Another server's claim about a station may be wrong; the database ends a connection that was really
 // overtaken.
 TEST(Hub, aConnectionThatOneElsewhereHasDisplacedIsBackWhenThatEnds) {
