@@ -29,6 +29,14 @@ bool isFinitePoint(const GestureSample& s) {
                        s.lateral_error_m + s.speed_mps);
 }
 
+// A body's layers lie along the needle. What the capped needle presses is the skin.
+double depthOf(const Limb& limb_W, const GestureSample& sample) {
+  if ((sample.flags & kFlagCapped) != 0) return std::numeric_limits<double>::quiet_NaN();
+  if (std::holds_alternative<BodyLimb>(limb_W) && sample.layer >= 0)
+    return static_cast<double>(sample.insertion_m);
+  return signedDepth(limb_W, tipOf(sample));
+}
+
 constexpr std::uint64_t kMaxSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
 
 }  // namespace
@@ -53,7 +61,7 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
     if (strongest == nullptr) continue;
     const GestureSample& s = *strongest;
     curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
-                     static_cast<float>(depthBelowSkin(limb_W, tipOf(s))), static_cast<float>(s.insertion_m),
+                     static_cast<float>(depthOf(limb_W, s)), static_cast<float>(s.insertion_m),
                      static_cast<float>(forceIn(s)),
                      static_cast<float>(std::isnan(lateral_m) ? s.lateral_error_m : lateral_m),
                      static_cast<float>(s.speed_mps), static_cast<float>(planned_m)});

@@ -24,7 +24,7 @@ namespace needlelab {
 /// is lost, and the ticks' greatest distances from the lines, so that none beyond a limit is lost.
 struct CurvePoint {
   float time_s = 0;   ///< since the first sample
-  float depth_m = 0;  ///< δ, negative outside
+  float depth_m = 0;  ///< δ; in a body along the needle; negative outside; NaN with the cap on
   float insertion_m = 0;
   float force_N = 0;          ///< |force| on the hand
   float lateral_error_m = 0;  ///< from the line of the needle's own entry; greatest of the ticks in tissue

@@ -169,8 +169,15 @@ void drawAxes(ImDrawList* draw, const DepthAxes& axes) {
   }
 }
 
+/// Where a point lies among the layers. A body's are given as depths along the normal where the planned way
+/// goes in, the needle's depth along itself.
+double placeOf(const CurvePoint& point, const SceneView& scene) {
+  const double depth_m = static_cast<double>(point.depth_m);
+  return scene.body && depth_m > 0 ? -dot(scene.way_W, scene.focus_normal_W) * depth_m : depth_m;
+}
+
 // one line per direction, each with its own colour
-void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& curve) {
+void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& curve, const SceneView& scene) {
   std::vector<ImVec2> points;
   bool inward = true;
   const auto flush = [&] {
@@ -179,10 +186,16 @@ void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& cu
                         0, 2);
     if (!points.empty()) points.erase(points.begin(), points.end() - 1);
   };
-  double turn_m = curve.empty() ? 0 : static_cast<double>(curve.front().depth_m);
+  double turn_m = 0;
   constexpr double kTurn_m = 1e-3;  // smaller changes are tremor
   for (const CurvePoint& point : curve) {
-    const double depth = static_cast<double>(point.depth_m);
+    const double depth = placeOf(point, scene);
+    if (std::isnan(depth)) {
+      flush();
+      points.clear();
+      continue;
+    }
+    if (points.empty()) turn_m = depth;
     turn_m = inward ? std::max(turn_m, depth) : std::min(turn_m, depth);
     if (std::abs(depth - turn_m) > kTurn_m) {
       flush();
@@ -200,7 +213,9 @@ DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene)
   DepthPlotRange range;
   double deepest = 0, force = 0;
   for (const CurvePoint& point : curve) {
-    deepest = std::max(deepest, static_cast<double>(point.depth_m));
+    const double depth = placeOf(point, scene);
+    if (std::isnan(depth)) continue;
+    deepest = std::max(deepest, depth);
     force = std::max(force, static_cast<double>(point.force_N));
   }
   for (const TargetView& target : scene.targets) deepest = std::max(deepest, target.bottom_m);
@@ -261,7 +276,7 @@ void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px
   draw->PopClipRect();
   drawAxes(draw, axes);
   draw->PushClipRect(axes.corner, end, true);
-  drawGesture(draw, axes, curve);
+  drawGesture(draw, axes, curve, scene);
   draw->PopClipRect();
   draw->AddRect(axes.corner, end, packed(kLineGrey));
 }

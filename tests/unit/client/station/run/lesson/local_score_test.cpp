@@ -4,6 +4,8 @@
 #include <limits>
 
 #include "client/station/run/lesson/local_score.h"
+#include "common/scoring/anatomy/anatomy.h"
+#include "tests/support/anatomy/ball_profiles.h"
 
 namespace needlelab {
 namespace {
@@ -31,6 +33,27 @@ TEST(GestureCurve, keepsEveryTickWhereThereAreFew) {
   EXPECT_FLOAT_EQ(curve[4].depth_m, -(1 - 4e-3F)) << "outside is negative";
   EXPECT_FLOAT_EQ(curve[3].force_N, 5);
   EXPECT_FLOAT_EQ(curve[4].insertion_m, 4e-3F);
+}
+
+// the path enters a ball aslant, so that its depth is less than the way along the needle
+TEST(GestureCurve, inABodyDepthIsAlongTheNeedleAndWithTheCapThereIsNone) {
+  const Limb limb = anatomyOf(test::readProfile(test::ballOfRules()), {}).limb;
+  std::vector<GestureSample> samples(3);
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    samples[i].time_ns = static_cast<std::int64_t>(i) * 1'000'000;
+  samples[0].p_WT_m[2] = 0.004;
+  samples[0].layer = -1;
+  samples[1].p_WT_m[0] = samples[1].p_WT_m[2] = -0.005;
+  samples[1].insertion_m = 0.007;
+  samples[1].layer = 1;
+  samples[2] = samples[1];
+  samples[2].time_ns = 2'000'000;
+  samples[2].flags = kFlagCapped;
+  const GestureCurve curve = gestureCurve(samples, limb, 10);
+  ASSERT_EQ(curve.size(), 3u);
+  EXPECT_NEAR(curve[0].depth_m, -0.004, 1e-6);
+  EXPECT_FLOAT_EQ(curve[1].depth_m, 0.007F);
+  EXPECT_TRUE(std::isnan(curve[2].depth_m));
 }
 
 TEST(GestureCurve, losesNoPeakAndStaysShort) {
