@@ -7,7 +7,7 @@ usage: mutants.py BUILD OUT.tsv [--seed N] [--each N] [--only SUBJECT] [--again 
 BUILD is a build directory of this checkout, whose files are changed and put back: use a checkout of its own, built without batches
 (-DCMAKE_UNITY_BUILD=OFF), where a changed file is compiled alone. Each subject has --each mutants. A line
 that does not compile is drawn again; a test that hangs has found its mutant. First the suites must pass on the unchanged code. OUT.tsv has a row for each: subject, file, line, old, new, found by.
---again takes the mutants from an earlier table (by their text, wherever the line is now).
+--again takes the mutants from an earlier table (by their text, where it is nearest to its line of then).
 """
 import argparse
 import csv
@@ -20,7 +20,7 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # files to change, and the suites that should notice, quickest first
 SUBJECTS = {
-    "engine": (["common/haptics/tick.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "haptics_test", "body_test"]),
+    "engine": (["common/haptics/tick.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "fem_test", "haptics_test", "body_test"]),
     "gate": (["common/haptics/gate/force_gate.cpp", "common/haptics/gate/passivity_control.cpp"], ["haptics_test", "stability_test"]),
     "writer": (["db/sessions/db_writer.cpp", "db/sessions/session_appends.cpp", "db/sessions/session_store.cpp"], ["db_test", "server_net_test"]),
     "spool": (["client/net/spool/spool*.cpp"], ["net_test", "spool_order_test"]),
@@ -94,7 +94,8 @@ def repeated(given):
         for row in csv.DictReader(file, delimiter="\t"):
             path = ROOT / row["file"]
             lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-            number = lines.index(row["old"]) if row["old"] in lines else None
+            same = [number for number, line in enumerate(lines) if line == row["old"]]
+            number = min(same, key=lambda number: abs(number + 1 - int(row["line"] or 0)), default=None)
             yield row["subject"], path, number, row["old"], row["new"]
 
 
