@@ -1,4 +1,5 @@
 // OKAMURA and DAHL by formula: force against depth, Karnopp's stick and slip, Dahl's hysteresis.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +9,9 @@
 
 namespace needlelab::test {
 namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
 
 constexpr double kSpring_N_per_m = 140;  // K_f
 constexpr double kRest_mps = 0.003;      // v_stop
@@ -70,6 +74,22 @@ TEST(OkamuraModel, quadraticStiffnessThenCuttingAndFriction) {
     EXPECT_NEAR(probe.last().friction_N, (10.6 - 212 * probe.last().speed_mps) * 0.03, 1e-9)
         << axialModelName(model) << ": at its limit, which shrinks";
   }
+}
+
+TEST(OkamuraModel, numbersThatCannotWorkAreRefusedByLayerAndName) {
+  const ShaftFrictionSpec good{12, 18.6, 293}, weaker_at_rest{12, 11.9, 0};
+  const auto refusal = [](const SceneSpec& scene) {
+    const auto model = compile(scene, 1000);
+    return model.ok() ? std::string() : model.error().message;
+  };
+  SceneSpec scene = rubbingSkin(AxialModel::kOkamura, good, good);
+  EXPECT_EQ(refusal(scene), "");
+  scene.layers[1].okamura->linear_N_per_m = 0;
+  EXPECT_THAT(refusal(scene), AllOf(HasSubstr("layers[1].okamura"), HasSubstr("never be punctured")));
+  EXPECT_THAT(refusal(rubbingSkin(AxialModel::kOkamura, weaker_at_rest, good)),
+              AllOf(HasSubstr("layers[0].okamura.static_in_n_per_m"), HasSubstr("11.9 is below 12")));
+  EXPECT_THAT(refusal(rubbingSkin(AxialModel::kOkamura, good, weaker_at_rest)),
+              HasSubstr("layers[0].okamura.static_out_n_per_m"));
 }
 
 TEST(OkamuraModel, sticksBelowTheSpeedOfRestAndSlipsAboveIt) {

@@ -330,6 +330,9 @@ TEST_F(Teaching, theMatrixOfACourse) {
   EXPECT_NE(attempts.attempts(1).score_json(), "");
   progress.mutable_get_progress()->set_trainee("ben");
   EXPECT_EQ(refusal(trainee, progress), ErrorCode::kDenied);
+  const auto of_ben = get(instructor, progress).progress();
+  ASSERT_EQ(of_ben.attempts_size(), 1);
+  EXPECT_FALSE(of_ben.attempts(0).late()) << "without a date nothing is late";
   pb::Request unknown;
   unknown.mutable_get_results()->set_course_id("nothing");
   EXPECT_EQ(refusal(instructor, unknown), ErrorCode::kNotFound);
