@@ -96,7 +96,8 @@ export function access(t) {
     const { keyboard } = page;
     await page.goto(t.lab.base);
     await page.getByRole('button', { name: 'Log in' }).waitFor();
-    // the first field has the focus already
+    // the first field gets the focus by itself
+    await page.waitForFunction(() => document.activeElement?.matches('form.login input'));
     await keyboard.type('mara');
     await tabTo(page, 'Password');
     await keyboard.type(kPassword);
