@@ -9,8 +9,6 @@ namespace needlelab {
 namespace {
 
 constexpr double kFar_m = 1e3;  // no part of the group is near
-// Ellipsoids' distances are too small, outside and inside, as k0 is convex; a smooth minimum is not steeper
-// than its parts.
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // what is left out is left out by this margin: far more than rounding can move a distance of a metre
 constexpr double kRounding_m = 1e-9;
@@ -171,13 +169,11 @@ Result<Field> Field::make(const FieldSpec& spec) {
 
 // ---- asked ----
 
-/// Which parts matter to any rule in some region. Parts are shown from the last one to the first, each with
-/// the bounds of its distance there. A group's value joins its parts in order. What the parts before one gave
-/// matters up to some value v: behind the last part up to ruled_m. A part with a blend of k gives back one of
-/// two values that are both above v + k, or gives the same for both, as min(a, d) − k/4 ≥ max(a, d) − k where
-/// they blend. So before that part values matter up to v + k; but never above d + k, where the part alone
-/// decides. A part that is everywhere above v + k does not matter: where the value is below v, it is not
-/// blended, and else it stays above v.
+/// Which parts matter to any rule in some region. Parts are shown from the last to the first, with the bounds
+/// of their distances there. A group's value joins its parts in order: behind the last part it matters up to
+/// v = ruled_m. Before a part with distance d and blend k it matters up to v + k, because a smooth minimum is
+/// at least max(a, d) − k where it blends; and not above d + k, where the part alone decides. A part that is
+/// always above v + k is left out: it does not change a value up to v, and leaves others above v.
 class Field::Mattering {
  public:
   bool matters(const Part& part, double low_m, double high_m) noexcept {
@@ -200,7 +196,8 @@ double Field::distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept {
   const Vec3 own{dot(d, part.x), dot(d, part.y), dot(d, part.z)};
   const Vec3 u{own.x * part.inverses.x, own.y * part.inverses.y, own.z * part.inverses.z};
   const double k0 = norm(u);
-  // k0 is convex and at most 1/least steep, which gives bounds where nothing asks for more
+  // k0 is convex and at most 1/least steep, which gives bounds where nothing asks for more. (They are too
+  // small, outside and inside; a smooth minimum is not steeper than its parts.)
   if (k0 > 1) {
     const double k1 = norm({u.x * part.inverses.x, u.y * part.inverses.y, u.z * part.inverses.z});
     const double at_least_m = k0 * (k0 - 1) / k1;

@@ -92,7 +92,7 @@ struct AccountLimits {
   double own_bytes = 8.0 * 1024 * 1024;
   /// Of instructors and curriculum managers: 1,000 of the largest profiles and courses, 80,000 usual ones.
   double staff_bytes = 1024.0 * 1024 * 1024;
-  double administrator_bytes = 16.0 * 1024 * 1024 * 1024;  ///< far above a lab's year
+  double administrator_bytes = 16.0 * 1024 * 1024 * 1024;  ///< of administrators
 };
 
 /// Log lines of each kind per account, and for all strangers together (peer_lines.h).

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "client/station/run/io/options.h"
 #include "client/station/run/lesson/memory_follower.h"
@@ -189,6 +190,20 @@ TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
   EXPECT_NEAR(deep.to_m, 0.054, 1e-6);
   EXPECT_LT(deep.from_m, 0);
   EXPECT_GT(depthPlotRange({}, scene).force_N, 0);
+}
+
+// The shoulder's planned way goes in at some 36 degrees from the normal, along which its layers are given.
+TEST(DepthPlot, inABodyTheNeedleIsShownAlongTheLayersAndTheCapNotAtAll) {
+  const auto profile = loadProfile(NEEDLELAB_SAMPLES "/volumes/shoulder-median.json");
+  ASSERT_TRUE(profile.ok()) << profile.error().message;
+  const auto scene = sceneViewOf(*profile, {});
+  ASSERT_TRUE(scene.ok()) << scene.error().message;
+  const double slant = -dot(scene->way_W, scene->focus_normal_W);
+  ASSERT_LT(slant, 0.9) << "else this test shows nothing";
+  constexpr float kCapped = std::numeric_limits<float>::quiet_NaN();
+  const DepthPlotRange range = depthPlotRange({{0, 0.1F, 0.1F, 2, 0, 0}, {0, kCapped, 0, 9, 0, 0}}, *scene);
+  EXPECT_NEAR(range.to_m, 1.08 * 0.1 * slant, 1e-6);
+  EXPECT_NEAR(range.force_N, 2.2, 1e-6);
 }
 
 TEST(DepthPlot, noiseDoesNotFillIt) {
