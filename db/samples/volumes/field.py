@@ -43,25 +43,29 @@ def smooth_minimum(a, b, blend):
 
 
 def to_segment(p, a, b, radius_a, radius_b):
-    ab, ap = sub(b, a), sub(p, a)
-    square = dot(ab, ab)
-    along = min(max(dot(ap, ab) / square, 0), 1) if square > 0 else 0
-    return norm(sub(ap, scaled(ab, along))) - (radius_a + (radius_b - radius_a) * along)
+    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    apx, apy, apz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    square = abx * abx + aby * aby + abz * abz
+    along = min(max((apx * abx + apy * aby + apz * abz) / square, 0), 1) if square > 0 else 0
+    x, y, z = apx - along * abx, apy - along * aby, apz - along * abz
+    return math.sqrt(x * x + y * y + z * z) - (radius_a + (radius_b - radius_a) * along)
 
 
 def to_ellipsoid(p, radii):
     """Eberly's root of sum (r p/(t + r²))² = 1 by bisection; `p` in the ellipsoid's own axes."""
-    p = [max(abs(x), 1e-9) for x in p]
-    squares = [r * r for r in radii]
-    low = max(r * x - s for r, x, s in zip(radii, p, squares))
-    high = math.sqrt(sum((r * x) ** 2 for r, x in zip(radii, p)))
-    for _ in range(60):
+    x, y, z = (max(abs(own), 1e-9) for own in p)
+    rx, ry, rz = radii
+    low = max(rx * (x - rx), ry * (y - ry), rz * (z - rz))
+    high = math.sqrt((rx * x) ** 2 + (ry * y) ** 2 + (rz * z) ** 2)
+    while True:
         t = 0.5 * (low + high)
-        if sum((r * x / (t + s)) ** 2 for r, x, s in zip(radii, p, squares)) > 1:
+        if t <= low or t >= high:  # neighbouring numbers
+            break
+        if (rx * x / (t + rx * rx)) ** 2 + (ry * y / (t + ry * ry)) ** 2 + (rz * z / (t + rz * rz)) ** 2 > 1:
             low = t
         else:
             high = t
-    return high * math.sqrt(sum((x / (high + s)) ** 2 for x, s in zip(p, squares)))
+    return high * math.sqrt((x / (high + rx * rx)) ** 2 + (y / (high + ry * ry)) ** 2 + (z / (high + rz * rz)) ** 2)
 
 
 class Part:

@@ -154,7 +154,6 @@ Result<std::vector<CounterExample>> counterExamples(const GestureSearch& search,
   std::vector<CounterExample> examples;
   const auto keep = [&](std::uint64_t seed, const PassivityGesture& gesture,
                         const PassivityFinding& finding) {
-    if (examples.size() >= most) return;
     const auto found = [&](const PassivityGesture& candidate) -> std::optional<PassivityFinding> {
       const auto record = runGesture(candidate, model, source);
       return record.ok() ? findingOf(*record, search.limits, finding.check) : std::nullopt;
@@ -163,6 +162,7 @@ Result<std::vector<CounterExample>> counterExamples(const GestureSearch& search,
     PassivityGesture small = shrunk(gesture, fails).gesture;
     const PassivityFinding of_small = found(small).value_or(finding);
     examples.push_back({std::string(source_name), model, seed, of_small, std::move(small)});
+    return examples.size() < most;
   };
   ASSIGN_OR_RETURN([[maybe_unused]] const auto findings, searchGestures(search, model, source, keep));
   return examples;

@@ -117,7 +117,7 @@ Result<GestureFindings> searchGestures(const GestureSearch& search, AxialModel m
     const auto finding = findingOf(record, search.limits);
     if (!finding) continue;
     ++findings.failed;
-    if (fails) fails(seed, gesture, *finding);
+    if (fails && !fails(seed, gesture, *finding)) break;
   }
   return findings;
 }

@@ -96,9 +96,9 @@ struct GestureFindings {
   PassivityRecord worst;  ///< of each number; ticks and insertions are sums
   std::uint64_t gestures = 0, failed = 0;
 };
-/// Called for each failed gesture.
+/// Called for each failed gesture; false ends the search.
 using GestureFails =
-    std::function<void(std::uint64_t seed, const PassivityGesture& gesture, const PassivityFinding& finding)>;
+    std::function<bool(std::uint64_t seed, const PassivityGesture& gesture, const PassivityFinding& finding)>;
 
 /// Deterministic. Errors: those of a source, e.g. a model that is not built in.
 Result<GestureFindings> searchGestures(const GestureSearch& search, AxialModel model,
