@@ -1,7 +1,8 @@
-# needlelab_library(NAME [OPTIMISED] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
+# needlelab_library(NAME [OPTIMISED | TOOL] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
 #   OPTIMISED: runs in the haptic tick or computes for long: -O2 in a release build (others: -O1), -O1 under a sanitizer
 #   (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
-# needlelab_program(NAME SOURCES ... DEPS ...)              -> executable NAME in bin/
+#   TOOL: only tests use it and time nothing with it, so it is compiled like a test
+# needlelab_program(NAME [TOOL] SOURCES ... DEPS ...)       -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
 #   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
 #   SHORT: with TOGETHER, the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)
@@ -23,7 +24,7 @@ function(needlelab_optimise target)
 endfunction()
 
 function(needlelab_library name)
-  cmake_parse_arguments(ARG "OPTIMISED" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED;TOOL" "" "SOURCES;DEPS" ${ARGN})
   if(ARG_UNPARSED_ARGUMENTS)
     message(FATAL_ERROR "needlelab_library(${name}): unknown ${ARG_UNPARSED_ARGUMENTS}")
   endif()
@@ -33,16 +34,22 @@ function(needlelab_library name)
   target_link_libraries(${target} PUBLIC needlelab_flags ${ARG_DEPS} PRIVATE needlelab_warnings)
   if(ARG_OPTIMISED)
     needlelab_optimise(${target})
+  elseif(ARG_TOOL AND TARGET GTest::gmock)
+    needlelab_compile_as_test(${target})
   else()
     needlelab_reuse_headers(${target} needlelab_program_headers)
   endif()
 endfunction()
 
 function(needlelab_program name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "TOOL" "" "SOURCES;DEPS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE needlelab_flags needlelab_warnings ${ARG_DEPS})
-  needlelab_reuse_headers(${name} needlelab_program_headers)
+  if(ARG_TOOL AND TARGET GTest::gmock)
+    needlelab_compile_as_test(${name})
+  else()
+    needlelab_reuse_headers(${name} needlelab_program_headers)
+  endif()
 endfunction()
 
 function(needlelab_missing name reason)
@@ -58,6 +65,11 @@ set(needlelab_test_options $<$<CONFIG:RelWithDebInfo>:-O0> $<$<CONFIG:RelWithDeb
 if(NEEDLELAB_SANITIZE MATCHES "undefined")
   list(APPEND needlelab_test_options -fno-sanitize=undefined)
 endif()
+function(needlelab_compile_as_test target)
+  target_compile_options(${target} PRIVATE ${needlelab_test_options})
+  target_link_libraries(${target} PRIVATE GTest::gmock)  # what the precompiled headers need
+  needlelab_reuse_headers(${target} needlelab_test_headers)
+endfunction()
 add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
@@ -76,8 +88,7 @@ function(needlelab_test name)
   if(ARG_OPTIMISED)
     needlelab_optimise(${name})
   else()
-    target_compile_options(${name} PRIVATE ${needlelab_test_options})
-    needlelab_reuse_headers(${name} needlelab_test_headers)
+    needlelab_compile_as_test(${name})
   endif()
   if("threads" IN_LIST ARG_LABEL)
     add_dependencies(needlelab_threaded_tests ${name})
