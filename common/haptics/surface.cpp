@@ -27,12 +27,17 @@ double depthIn(const BodyLimb& limb, Vec3 p) {
 /// The ways from a point in a body to the skin, and the least of them.
 class WaysOut {
  public:
+  struct Way {
+    double length_m;
+    Vec3 out;  // unit
+  };
+
   /// `depth_m`: the body's depth of p, so that no way is shorter.
   WaysOut(const Body& body, Vec3 p_m, double depth_m) noexcept : body_(body), p_m_(p_m), depth_m_(depth_m) {}
 
   /// From `along`, a way to the skin, and 26 directions; the two best ones turn towards the normal where they
   /// leave the body, as the least way is along it.
-  [[nodiscard]] double least(Vec3 along) const noexcept {
+  [[nodiscard]] Way least(Vec3 along) const noexcept {
     Way best{norm(along), normalized(along)}, second{kFar_m, {}};
     const auto consider = [&](Vec3 out) {
       const Way way{lengthOf(out, second.length_m), out};
@@ -49,15 +54,12 @@ class WaysOut {
           if (x != 0 || y != 0 || z != 0)
             consider(
                 normalized(Vec3{static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)}));
-    return std::min(shortened(best), shortened(second));
+    const Way one = shortened(best), other = shortened(second);
+    return one.length_m <= other.length_m ? one : other;
   }
 
  private:
   static constexpr double kFar_m = 10;
-  struct Way {
-    double length_m;
-    Vec3 out;  // unit
-  };
 
   /// By sphere tracing (Hart 1996); `most_m` if the way is not shorter.
   [[nodiscard]] double lengthOf(Vec3 out, double most_m) const noexcept {
@@ -70,8 +72,8 @@ class WaysOut {
     return most_m;
   }
 
-  [[nodiscard]] double shortened(Way way) const noexcept {
-    if (way.length_m == kFar_m) return kFar_m;
+  [[nodiscard]] Way shortened(Way way) const noexcept {
+    if (way.length_m == kFar_m) return way;
     double share = 1;
     for (int turn = 0; turn < 12 && share > 0.02; ++turn) {
       const Vec3 normal = body_.normal(p_m_ + way.out * way.length_m);
@@ -82,13 +84,20 @@ class WaysOut {
       else
         share *= 0.5;
     }
-    return way.length_m;
+    return way;
   }
 
   const Body& body_;
   Vec3 p_m_;
   double depth_m_;
 };
+
+/// The least way to the skin from a point of W in the body, in the body's frame; `along_W`: one that is
+/// known.
+WaysOut::Way leastWay(const BodyLimb& limb, Vec3 p_W_m, double depth_m, Vec3 along_W) noexcept {
+  const WaysOut ways(*limb.body, inverse(limb.X_WL) * p_W_m, depth_m);
+  return ways.least(rotate(conjugate(limb.X_WL.q), along_W));
+}
 
 }  // namespace
 
@@ -150,9 +159,17 @@ double depthBelowSkin(const Limb& limb, Vec3 p) noexcept {
   const double depth_m = signedDepth(limb, p);
   const auto* const body = std::get_if<BodyLimb>(&limb);
   if (body == nullptr || !(depth_m > 0)) return depth_m;
-  const Vec3 along_W = nearestSkin(limb, p, {0, 0, -1}) - p;
-  const WaysOut ways(*body->body, inverse(body->X_WL) * p, depth_m);
-  return ways.least(rotate(conjugate(body->X_WL.q), along_W));
+  return leastWay(*body, p, depth_m, nearestSkin(limb, p, {0, 0, -1}) - p).length_m;
+}
+
+Vec3 closestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
+  constexpr double kAsNear_m = 2e-4;  // twice the error of the least way
+  const Vec3 near = nearestSkin(limb, p, motion);
+  const double depth_m = signedDepth(limb, p);
+  const auto* const body = std::get_if<BodyLimb>(&limb);
+  if (body == nullptr || !(depth_m > 0)) return near;
+  const WaysOut::Way way = leastWay(*body, p, depth_m, near - p);
+  return norm(near - p) <= way.length_m + kAsNear_m ? near : p + rotate(body->X_WL.q, way.out) * way.length_m;
 }
 
 BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept {

@@ -21,6 +21,10 @@ Vec3 nearestSkin(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 /// all. It asks the body's depth about 250 times (50 to 150 µs).
 double depthBelowSkin(const Limb& limb, Vec3 p_W_m) noexcept;
 
+/// Returns the surface point nearest to `p_W_m` also deep in a body: nearestSkin's where that is as near as
+/// depthBelowSkin says, else the end of the least way out. As slow as depthBelowSkin.
+Vec3 closestSkin(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
+
 /// The bones of a body nearer than `within_m`, as planes in W. Real-time safe.
 BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept;
 

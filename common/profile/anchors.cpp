@@ -85,7 +85,7 @@ Vec3 AnchoredPlaces::wayOf(Vec3 center_m, const pb::Anchor& anchor) const {
 std::optional<AnchoredPlaces::Top> AnchoredPlaces::topIn(const BodyLimb& body, Vec3 center_m,
                                                          std::size_t structure) const {
   Top top;
-  top.skin_m = nearestSkin(limb_, center_m, kIntoTheBody);
+  top.skin_m = closestSkin(limb_, center_m, kIntoTheBody);
   top.normal = surfaceNormal(limb_, top.skin_m, kIntoTheBody);
   const LayerStack stack = body.body->layersAlong(top.skin_m, -top.normal, kReach_m, 0);
   for (std::size_t i = 0; i < stack.count; ++i) {

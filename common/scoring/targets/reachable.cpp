@@ -22,9 +22,9 @@ constexpr double kBehind_m = 0.05;  // how far behind a target's centre bone is 
 /// that way.
 double boneTowards_m(const pb::Profile& profile, const BodyLimb& body, Vec3 p_m) {
   const Limb limb = body;
-  const double depth_m = signedDepth(limb, p_m);
-  if (!(depth_m > 0)) return std::numeric_limits<double>::infinity();
-  const Vec3 skin = nearestSkin(limb, p_m, {0, 0, -1}), normal = surfaceNormal(limb, skin, {0, 0, -1});
+  if (!(signedDepth(limb, p_m) > 0)) return std::numeric_limits<double>::infinity();
+  const Vec3 skin = closestSkin(limb, p_m, {0, 0, -1}), normal = surfaceNormal(limb, skin, {0, 0, -1});
+  const double depth_m = norm(skin - p_m);
   const LayerStack stack = body.body->layersAlong(skin, -normal, std::min(1.0, depth_m + kBehind_m), 0);
   for (std::size_t i = 0; i < stack.count; ++i)
     if (profile.volume().structures(stack.layers[i].structure).layer().tissue() == pb::Layer::BONE)

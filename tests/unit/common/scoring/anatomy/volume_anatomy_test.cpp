@@ -66,6 +66,9 @@ TEST(VolumeAnatomy, depthIsTheDistanceToTheNearestSkin) {
           nearest_m = std::min(nearest_m, along_m);
         }
         EXPECT_NEAR(depthAt(anatomy, at), nearest_m, 1e-4) << name << ", point " << point;
+        const Vec3 skin = closestSkin(anatomy.limb, at, {0, 0, -1});
+        EXPECT_NEAR(signedDepth(anatomy.limb, skin), 0, 1e-8) << name << ", point " << point;
+        EXPECT_LT(norm(at - skin), nearest_m + 3e-4) << name << ", point " << point;
         too_low += signedDepth(anatomy.limb, at) < nearest_m - 1e-3;
         too_far += norm(at - nearestSkin(anatomy.limb, at, {0, 0, -1})) > nearest_m + 1e-3;
       }
