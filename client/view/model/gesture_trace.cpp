@@ -68,7 +68,7 @@ double valueOf(TraceChannel channel, const Moment& moment) {
     case TraceChannel::kForce:
       return forceOf(moment);
     case TraceChannel::kDepth:
-      return moment.depth_m;
+      return isCapped(moment) ? nan : moment.depth_m;  // what the cap presses in is skin
     case TraceChannel::kInsertion:
       return moment.insertion_m;
     case TraceChannel::kSpeed:

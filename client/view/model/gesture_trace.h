@@ -21,7 +21,7 @@ namespace needlelab {
 /// A quantity to plot over time, besides the effects' terms (`channelOf`).
 enum class TraceChannel : std::uint8_t {
   kForce,  ///< |force| after the gate
-  kDepth,  ///< δ
+  kDepth,  ///< δ; not a number with the cap on
   kInsertion,
   kSpeed,  ///< along u
   kLateralError,

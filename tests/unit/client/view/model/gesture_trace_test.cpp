@@ -239,6 +239,14 @@ TEST(GestureTrace, aSourceOutlivesAMoveOfItsTraceAndGivesShownUnits) {
   EXPECT_FLOAT_EQ(columns[0].last, 12.5F);
 }
 
+TEST(TraceChannels, whatTheCapPressesInIsNoDepth) {
+  Moment moment;
+  moment.depth_m = 0.002;
+  EXPECT_DOUBLE_EQ(valueOf(TraceChannel::kDepth, moment), 0.002);
+  moment.flags |= kFlagCapped;
+  EXPECT_TRUE(std::isnan(valueOf(TraceChannel::kDepth, moment)));
+}
+
 TEST(TraceChannels, areNamedAndPointTheSameWayForEveryEffect) {
   for (std::size_t i = 0; i < kChannelCount; ++i)
     EXPECT_FALSE(infoOf(static_cast<TraceChannel>(i)).name.empty()) << i;
