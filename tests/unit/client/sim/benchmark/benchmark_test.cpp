@@ -73,6 +73,7 @@ TEST(Benchmark, findsTheEnginesModelThatMadeTheCurves) {
   MadeSet made;
   made.specimens = 2;
   made.speeds_mps = {0.001, 0.003, 0.006, 0.013, 0.03};
+  if (test::longForm()) made.speeds_mps = {0.001, 0.002, 0.003, 0.005, 0.008, 0.012, 0.02, 0.03};
   const BenchmarkReport report = ran(madeSet(madeVoigt(), made), {HoldOut::kSpeed});
   const QuestionResult& speed = report.questions.at(0);
   const BenchmarkRow& voigt = rowOf(speed, "VOIGT");
