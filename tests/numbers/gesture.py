@@ -233,7 +233,8 @@ class Run:
         axes = zip(*(smoothed(points(list(c)), self.period_s) for c in zip(*g.axis)))
         self.axis = [(x / norm((x, y, z)), y / norm((x, y, z)), z / norm((x, y, z))) for x, y, z in axes]
         self.insertion = points(g.insertion)
-        self.inside = [min(1.0, max(0.0, share)) for share in steps_of([1.0 if i else 0.0 for i in g.inside])]
+        # no residue of the rounding where a tick falls on the end of a step
+        self.inside = [min(1.0, share) if share > 1e-9 else 0.0 for share in steps_of([1.0 if i else 0.0 for i in g.inside])]
         self.force = list(zip(*(steps_of(list(c)) for c in zip(*g.forces))))
         n = len(self.tip)
         self.speed = []

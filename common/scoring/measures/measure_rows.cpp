@@ -19,7 +19,8 @@ namespace needlelab {
 // scores as in 7.
 // 9: the greatest depth in a body is the distance from the nearest skin (10: to 0.1 mm); layers score as
 // in 8.
-const std::uint32_t kScoreDefinitionVersion = 10;
+// 11: a step that ends at the tick of an entry is outside tissue (ldlj, sparc).
+const std::uint32_t kScoreDefinitionVersion = 11;
 
 namespace {
 

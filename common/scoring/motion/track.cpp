@@ -19,6 +19,8 @@ namespace {
 constexpr std::size_t kChannels = 11;
 using Channels = std::array<double, kChannels>;
 constexpr std::size_t kInside = 7, kForce = 8;
+/// A tick that falls on the end of a step may leave a share of the rounding: the step is outside.
+constexpr double kRounding = 1e-9;
 
 Channels channelsOf(const GestureSample& s) {
   const Vec3 axis = zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
@@ -152,7 +154,8 @@ class RunsInSteps::Filling {
   /// A point's value is the mean of its two bins; an end point keeps the end's value.
   void endBin() {
     if (bin_ % 2 == 1) {
-      run_.inside.push_back(std::clamp(0.5 * (before_[kInside] + mean_[kInside]), 0.0, 1.0));
+      const double inside = std::clamp(0.5 * (before_[kInside] + mean_[kInside]), 0.0, 1.0);
+      run_.inside.push_back(inside > kRounding ? inside : 0.0);
       const auto force = [&](std::size_t c) { return 0.5 * (before_[kForce + c] + mean_[kForce + c]); };
       run_.force_W_N.push_back({force(0), force(1), force(2)});
     } else if (bin_ > 0) {

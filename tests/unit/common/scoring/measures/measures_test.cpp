@@ -68,6 +68,24 @@ TEST(Motion, timeAndPathInTissue) {
   EXPECT_TRUE(find(score, "sparc") != nullptr && find(score, "ldlj") != nullptr);
 }
 
+// The share of a step in tissue rises from the tick before the first one in tissue. Where that falls on the
+// end of a step, the step before is outside, as it is a tick later.
+TEST(Motion, anEntryOnTheEndOfAStepBelongsToTheNextStep) {
+  for (int steps = 100; steps < 400; steps += 7) {
+    const auto smoothness = [&](double entry_s) {
+      const double end_s = 0.01 * steps;
+      const auto samples = gesture(1000, end_s, [&](double t, GestureSample& s) {
+        setDepth(s, t > entry_s ? 0.005 : -0.005);
+        setTip(s, {0.05 * ease(t, end_s), 0, -0.005});
+      });
+      return valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "ldlj");
+    };
+    for (int step = 5; step < steps / 2; step += 9)
+      ASSERT_EQ(smoothness(0.01 * step + 0.0002), smoothness(0.01 * step + 0.0012))
+          << step << " of " << steps;
+  }
+}
+
 TEST(Motion, aShaftMovedAsideSweepsLengthTimesWay) {
   // 20 mm in tissue, moved 8 mm aside along y
   const auto samples = gesture(1000, 2, [](double t, GestureSample& s) {
