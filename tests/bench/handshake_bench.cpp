@@ -25,7 +25,7 @@
 #include "common/base/time/clock.h"
 #include "common/wire/tls.h"
 #include "tests/bench/result_folder.h"
-#include "tests/load/own_server.h"
+#include "tests/load/server/own_server.h"
 #include "tests/support/silent_peer.h"
 #include "tests/support/temp_folder.h"
 

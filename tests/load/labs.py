@@ -5,7 +5,7 @@
   stores   1,000 stations on SQLite, on PostgreSQL, with a synchronous standby, and half of them there with one server, and with two servers and NATS; also what a second of one
            station costs in each process (load_stores.md), some fifteen minutes.
 
-PostgreSQL's clusters are those of tests/bench/ingest_clusters (with fsync, on /tmp).
+PostgreSQL's clusters are those of tests/bench/ingest/ingest_clusters (with fsync, on /tmp).
 """
 import argparse
 import dataclasses
@@ -18,13 +18,13 @@ import sys
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
-CLUSTERS = HERE.parent / "bench" / "ingest_clusters"
+CLUSTERS = HERE.parent / "bench" / "ingest" / "ingest_clusters"
 FOLDER = pathlib.Path("/tmp/needlelab-labs")
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """A lab. `viewers` share its stations. `cluster`: from tests/bench/ingest_clusters; None: SQLite. `servers`: the names, if several."""
+    """A lab. `viewers` share its stations. `cluster`: from tests/bench/ingest/ingest_clusters; None: SQLite. `servers`: the names, if several."""
     name: str
     stations: int = 1000
     viewers: int = 10

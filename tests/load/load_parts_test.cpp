@@ -10,13 +10,13 @@
 #include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/gate/force_gate.h"
-#include "tests/load/database_check.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
 #include "tests/load/load_station.h"
-#include "tests/load/own_server.h"
-#include "tests/load/process_use.h"
+#include "tests/load/server/database_check.h"
+#include "tests/load/server/own_server.h"
+#include "tests/load/server/process_use.h"
 #include "tests/support/temp_folder.h"
 
 namespace needlelab::test {

@@ -16,7 +16,7 @@
 #include "tests/bench/result_folder.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_viewer.h"
-#include "tests/load/own_server.h"
+#include "tests/load/server/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/nats/nats_server.h"
 #include "tests/support/patience.h"

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "tests/load/database_check.h"
 #include "tests/load/load_options.h"
 #include "tests/load/load_station.h"
 #include "tests/load/load_viewer.h"
-#include "tests/load/process_use.h"
+#include "tests/load/server/database_check.h"
+#include "tests/load/server/process_use.h"
 #include "tests/soak/process_sample.h"
 
 namespace needlelab::test {

@@ -11,10 +11,10 @@
 #include "common/gesture/chunk.h"
 #include "db/sessions/session_store.h"
 #include "tests/integration/process.h"
-#include "tests/load/database_check.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
-#include "tests/load/own_server.h"
+#include "tests/load/server/database_check.h"
+#include "tests/load/server/own_server.h"
 #include "tests/support/store/postgres_database.h"
 #include "tests/support/temp_folder.h"
 

@@ -9,8 +9,8 @@
 
 #include "common/base/files/files.h"
 #include "common/base/time/clock.h"
-#include "tests/load/database_check.h"
-#include "tests/load/own_server.h"
+#include "tests/load/server/database_check.h"
+#include "tests/load/server/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/support/patience.h"
 #include "tests/support/run_form.h"

@@ -8,9 +8,9 @@
 
 #include "client/net/link/server_link.h"
 #include "common/base/time/clock.h"
-#include "tests/load/database_check.h"
 #include "tests/load/load_viewer.h"
-#include "tests/load/own_server.h"
+#include "tests/load/server/database_check.h"
+#include "tests/load/server/own_server.h"
 #include "tests/load/station_crowd.h"
 #include "tests/security/attackers.h"
 #include "tests/support/patience.h"

@@ -5,7 +5,7 @@ import { get, getAll, setCsrfToken } from '../../client/web/app/net/api.js';
 import { connection } from '../../client/web/app/net/connection.js';
 import { documents, groups, lab, people } from '../../client/web/app/net/requests.js';
 import { giveUp, logIn, logOut, session } from '../../client/web/app/net/session.js';
-import { fetchAsBrowser } from './browser_fetch.mjs';
+import { fetchAsBrowser } from './support/browser_fetch.mjs';
 import { startMock } from './mock_server.mjs';
 
 const kPassword = 'correct horse';

@@ -23,8 +23,8 @@ import { Tip } from '../../client/web/app/session/replay.js';
 import { BodyDrawing } from '../../client/web/app/ui/body_view.js';
 import { CheckField, formOf, NumberField, SelectField, TextField } from '../../client/web/app/ui/fields.js';
 import { Legend } from '../../client/web/app/ui/section.js';
-import { elementsOf, textOf } from './page_text.mjs';
-import { kVolumes, lumbar } from './volumes.mjs';
+import { elementsOf, textOf } from './support/page_text.mjs';
+import { kVolumes, lumbar } from './support/volumes.mjs';
 
 const near = (a, b) => assert.ok(Math.abs(a - b) < 1e-12, `${a} is not ${b}`);
 

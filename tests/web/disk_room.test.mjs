@@ -6,9 +6,9 @@ import { kRoomLevels } from '../../client/web/app/lib/database.js';
 import { upkeep } from '../../client/web/app/net/requests.js';
 import { logIn } from '../../client/web/app/net/session.js';
 import { RoomText } from '../../client/web/app/pages/upkeep.js';
-import { fetchAsBrowser } from './browser_fetch.mjs';
+import { fetchAsBrowser } from './support/browser_fetch.mjs';
 import { startMock } from './mock_server.mjs';
-import { textOf } from './page_text.mjs';
+import { textOf } from './support/page_text.mjs';
 
 let mock;
 fetchAsBrowser(() => mock.port);

@@ -15,7 +15,7 @@ import { fieldUnit, messageIn, quantity, unitAt } from '../../client/web/app/lib
 import { cellState } from '../../client/web/app/pages/results.js';
 import { Requirements } from '../../client/web/app/course/exercise.js';
 import { Row } from '../../client/web/app/session/score.js';
-import { textOf } from './page_text.mjs';
+import { textOf } from './support/page_text.mjs';
 
 const en = { locale: 'en' };
 const plain = (text) => text.replaceAll('\u00a0', ' ');

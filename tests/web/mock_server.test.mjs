@@ -5,7 +5,7 @@ import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { after, before, test } from 'node:test';
 import { kExportFormats } from '../../client/web/app/lib/export_formats.js';
-import { replySchema, schemaFaults } from './json_schema.mjs';
+import { replySchema, schemaFaults } from './support/json_schema.mjs';
 import { startMock } from './mock_server.mjs';
 
 const folder = process.env.NEEDLELAB_BIN ?? new URL('../../build/dev/bin', import.meta.url).pathname;

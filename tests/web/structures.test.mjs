@@ -15,7 +15,7 @@ import {
   tissueColor,
 } from '../../client/web/app/lib/tissue.js';
 import { kTypes } from './mock/document_types.mjs';
-import { kVolumes, lumbar } from './volumes.mjs';
+import { kVolumes, lumbar } from './support/volumes.mjs';
 
 const root = new URL('../../', import.meta.url);
 const indexOf = (profile, id) => profile.volume.structures.findIndex((s) => s.id === id);

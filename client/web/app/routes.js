@@ -1,17 +1,17 @@
 // Every page: its address, the roles that may see it (lib/roles.js), and its section.
-import { AccountPage } from './pages/account.js';
+import { AccountPage } from './pages/people/account.js';
 import { AssignmentsPage } from './pages/assignments.js';
 import { AuditPage } from './pages/audit.js';
 import { CourseEditor } from './pages/course_editor.js';
 import { CoursesPage } from './pages/courses.js';
 import { ExportsPage } from './pages/exports.js';
-import { GroupPage, GroupsPage } from './pages/groups.js';
+import { GroupPage, GroupsPage } from './pages/people/groups.js';
 import { Home } from './pages/home.js';
 import { LivePage } from './pages/live.js';
 import { MinePage } from './pages/mine.js';
-import { PeoplePage } from './pages/people.js';
-import { PeopleImportPage } from './pages/people_import.js';
-import { PersonPage } from './pages/person.js';
+import { PeoplePage } from './pages/people/people.js';
+import { PeopleImportPage } from './pages/people/people_import.js';
+import { PersonPage } from './pages/people/person.js';
 import { ProfileEditor } from './pages/profile_editor.js';
 import { ProfilesPage } from './pages/profiles.js';
 import { ProgressPage } from './pages/progress.js';
@@ -21,7 +21,7 @@ import { RetentionPage } from './pages/retention.js';
 import { CourseRevisions, ProfileRevisions } from './pages/revisions.js';
 import { SessionPage } from './pages/session.js';
 import { SessionsPage } from './pages/sessions.js';
-import { UnknownTraineesPage } from './pages/unknown_trainees.js';
+import { UnknownTraineesPage } from './pages/people/unknown_trainees.js';
 import { UpkeepPage } from './pages/upkeep.js';
 
 export const kRoutes = [

@@ -8,7 +8,7 @@ import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
-import { CodesRequired } from './codes.js';
+import { CodesRequired } from './people/codes.js';
 
 /** Shows that a long task is running: a moving bar and the time taken so far. */
 function Working({ busy, children }) {

@@ -1,4 +1,4 @@
-#include "tests/load/database_check.h"
+#include "tests/load/server/database_check.h"
 
 #include <fmt/core.h>
 

@@ -1,5 +1,5 @@
 // Where libpq is not installed.
-#include "tests/bench/ingest_stores.h"
+#include "tests/bench/ingest/ingest_stores.h"
 
 namespace needlelab::test {
 

@@ -1,9 +1,9 @@
 // Codes of trainees: a PIN, or what a badge reader types. One person's code, and whether the lab requires codes.
-import { lab, people } from '../net/requests.js';
-import { announce, DangerButton, Dialog, Loaded, Mark, Problem } from '../ui/widgets.js';
-import { CheckField, TextField } from '../ui/fields.js';
-import { useAction, useLoad } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+import { lab, people } from '../../net/requests.js';
+import { announce, DangerButton, Dialog, Loaded, Mark, Problem } from '../../ui/widgets.js';
+import { CheckField, TextField } from '../../ui/fields.js';
+import { useAction, useLoad } from '../../ui/hooks.js';
+import { html, useState } from '../../ui/html.js';
 
 /** A made PIN; the server keeps only its hash. */
 function NewPin({ made, full_name, close }) {

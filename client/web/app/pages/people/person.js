@@ -1,13 +1,13 @@
 // One person: data, role, consent, password, code, export.
-import { grantable, may } from '../lib/roles.js';
-import { href } from '../lib/routes.js';
-import { moment } from '../lib/time.js';
-import { words } from '../lib/units.js';
-import { people } from '../net/requests.js';
-import { announce, DangerButton, Heading, JsonDownload, Loaded, Mark, Problem } from '../ui/widgets.js';
-import { CheckField, SelectField, TextField } from '../ui/fields.js';
-import { useAction, useLoad } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+import { grantable, may } from '../../lib/roles.js';
+import { href } from '../../lib/routes.js';
+import { moment } from '../../lib/time.js';
+import { words } from '../../lib/units.js';
+import { people } from '../../net/requests.js';
+import { announce, DangerButton, Heading, JsonDownload, Loaded, Mark, Problem } from '../../ui/widgets.js';
+import { CheckField, SelectField, TextField } from '../../ui/fields.js';
+import { useAction, useLoad } from '../../ui/hooks.js';
+import { html, useState } from '../../ui/html.js';
 import { CodeForm } from './codes.js';
 import { Erasure } from './erasure.js';
 

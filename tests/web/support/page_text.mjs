@@ -1,4 +1,4 @@
-import { DangerButton } from '../../client/web/app/ui/widgets.js';
+import { DangerButton } from '../../../client/web/app/ui/widgets.js';
 
 /** All elements of a tree, components drawn but for those in `kept`, whose properties are what they are given. */
 export const elementsOf = (node, kept = []) =>

@@ -1,9 +1,9 @@
 // Imports a class from a CSV file; shows what will happen first.
-import { people } from '../net/requests.js';
-import { announce, Heading, Mark, Problem, Table } from '../ui/widgets.js';
-import { TextField } from '../ui/fields.js';
-import { useAction } from '../ui/hooks.js';
-import { html, useId, useState } from '../ui/html.js';
+import { people } from '../../net/requests.js';
+import { announce, Heading, Mark, Problem, Table } from '../../ui/widgets.js';
+import { TextField } from '../../ui/fields.js';
+import { useAction } from '../../ui/hooks.js';
+import { html, useId, useState } from '../../ui/html.js';
 
 const kColumns = ['name', 'full_name', 'role', 'group', 'password', 'code'];
 const kWhat = {

@@ -1,12 +1,12 @@
 // The people: a list with a filter, and a form to add one.
-import { grantable, kRoles, may } from '../lib/roles.js';
-import { href } from '../lib/routes.js';
-import { shownOf, words } from '../lib/units.js';
-import { people } from '../net/requests.js';
-import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
-import { SelectField, TextField } from '../ui/fields.js';
-import { useAction, useDebounced } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+import { grantable, kRoles, may } from '../../lib/roles.js';
+import { href } from '../../lib/routes.js';
+import { shownOf, words } from '../../lib/units.js';
+import { people } from '../../net/requests.js';
+import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../../ui/widgets.js';
+import { SelectField, TextField } from '../../ui/fields.js';
+import { useAction, useDebounced } from '../../ui/hooks.js';
+import { html, useState } from '../../ui/html.js';
 
 export function AddPerson({ role, close, done }) {
   const [entry, setEntry] = useState({ name: '', full_name: '', role: 'trainee', password: '' });

@@ -1,14 +1,14 @@
 // Sessions whose trainee was not known when they came, that came without a code, or whose exercise was not assigned to
 // the trainee. Each must be given to the right person.
-import { href } from '../lib/routes.js';
-import { clock, moment } from '../lib/time.js';
-import { people, sessions } from '../net/requests.js';
-import { TextField } from '../ui/fields.js';
-import { SearchField } from '../ui/search_field.js';
-import { useAction, useExerciseName } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
-import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../ui/widgets.js';
-import { Verdict, whyItWaits } from './sessions.js';
+import { href } from '../../lib/routes.js';
+import { clock, moment } from '../../lib/time.js';
+import { people, sessions } from '../../net/requests.js';
+import { TextField } from '../../ui/fields.js';
+import { SearchField } from '../../ui/search_field.js';
+import { useAction, useExerciseName } from '../../ui/hooks.js';
+import { html, useState } from '../../ui/html.js';
+import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../../ui/widgets.js';
+import { Verdict, whyItWaits } from '../sessions.js';
 
 /** Sessions of no particular person; the key is the server's name for them. */
 const kGuest = { key: 'guest', text: 'No one in particular (guest)' };

@@ -1,4 +1,4 @@
-#include "tests/load/own_server.h"
+#include "tests/load/server/own_server.h"
 
 #include <fmt/core.h>
 #include <sodium.h>

@@ -7,7 +7,7 @@
 #include "db/engine/postgres.h"
 #include "db/engine/postgres_values.h"
 #include "db/sessions/session_rows.h"
-#include "tests/bench/ingest_stores.h"
+#include "tests/bench/ingest/ingest_stores.h"
 
 namespace needlelab::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/load/process_use.h"
+#include "tests/load/server/process_use.h"
 
 #include <unistd.h>
 

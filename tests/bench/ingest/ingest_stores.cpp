@@ -1,4 +1,4 @@
-#include "tests/bench/ingest_stores.h"
+#include "tests/bench/ingest/ingest_stores.h"
 
 #include <fmt/core.h>
 #include <sqlite3.h>

@@ -1,9 +1,9 @@
 // Groups and their members.
-import { merge, resolved } from '../lib/diff.js';
-import { may } from '../lib/roles.js';
-import { href } from '../lib/routes.js';
-import { counted, shownOf } from '../lib/units.js';
-import { groups, people } from '../net/requests.js';
+import { merge, resolved } from '../../lib/diff.js';
+import { may } from '../../lib/roles.js';
+import { href } from '../../lib/routes.js';
+import { counted, shownOf } from '../../lib/units.js';
+import { groups, people } from '../../net/requests.js';
 import {
   announce,
   DangerButton,
@@ -15,11 +15,11 @@ import {
   Problem,
   Table,
   usePages,
-} from '../ui/widgets.js';
-import { ConflictDialog } from '../ui/conflict.js';
-import { CheckField, TextField } from '../ui/fields.js';
-import { useAction, useDebounced, useLoad } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+} from '../../ui/widgets.js';
+import { ConflictDialog } from '../../ui/conflict.js';
+import { CheckField, TextField } from '../../ui/fields.js';
+import { useAction, useDebounced, useLoad } from '../../ui/hooks.js';
+import { html, useState } from '../../ui/html.js';
 
 /** How many members are drawn before a person asks for more. */
 const kShownMembers = 100;

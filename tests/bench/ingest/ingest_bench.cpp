@@ -15,7 +15,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/gesture/chunk.h"
-#include "tests/bench/ingest_stores.h"
+#include "tests/bench/ingest/ingest_stores.h"
 #include "tests/bench/result_folder.h"
 #include "tests/load/gesture_pool.h"
 

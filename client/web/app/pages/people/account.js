@@ -1,10 +1,10 @@
 // The logged-in person's own name, password, code and consent.
-import { words } from '../lib/units.js';
-import { moment } from '../lib/time.js';
-import { people } from '../net/requests.js';
-import { Heading, JsonDownload, Loaded } from '../ui/widgets.js';
-import { useLoad } from '../ui/hooks.js';
-import { html } from '../ui/html.js';
+import { words } from '../../lib/units.js';
+import { moment } from '../../lib/time.js';
+import { people } from '../../net/requests.js';
+import { Heading, JsonDownload, Loaded } from '../../ui/widgets.js';
+import { useLoad } from '../../ui/hooks.js';
+import { html } from '../../ui/html.js';
 import { CodeForm } from './codes.js';
 import { ConsentForm, PasswordForm } from './person.js';
 
