@@ -19,7 +19,8 @@ namespace needlelab {
 // scores as in 7.
 // 9: the greatest depth in a body is the distance from the nearest skin (10: to 0.1 mm); layers score as
 // in 8.
-// 11: a step that ends at the tick of an entry is outside tissue (ldlj, sparc).
+// 11: a step that only touches the tick of an entry or exit is outside tissue (ldlj; turns and movements
+// there).
 const std::uint32_t kScoreDefinitionVersion = 11;
 
 namespace {

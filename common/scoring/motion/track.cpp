@@ -19,7 +19,8 @@ namespace {
 constexpr std::size_t kChannels = 11;
 using Channels = std::array<double, kChannels>;
 constexpr std::size_t kInside = 7, kForce = 8;
-/// A tick that falls on the end of a step may leave a share of the rounding: the step is outside.
+/// Where the tick of an entry or exit falls on the end of a step, rounding may leave the step a tiny share in
+/// tissue: it is outside.
 constexpr double kRounding = 1e-9;
 
 Channels channelsOf(const GestureSample& s) {

@@ -68,21 +68,25 @@ TEST(Motion, timeAndPathInTissue) {
   EXPECT_TRUE(find(score, "sparc") != nullptr && find(score, "ldlj") != nullptr);
 }
 
-// The share of a step in tissue rises from the tick before the first one in tissue. Where that falls on the
-// end of a step, the step before is outside, as it is a tick later.
-TEST(Motion, anEntryOnTheEndOfAStepBelongsToTheNextStep) {
+// The share of a step in tissue rises from the tick before the first one in tissue, and falls to the tick
+// after the last one. Where that tick ends a step, the next step outside does not count, as a tick further
+// in.
+TEST(Motion, anEntryOrExitOnTheEndOfAStepLeavesTheStepBesideItOutside) {
   for (int steps = 100; steps < 400; steps += 7) {
-    const auto smoothness = [&](double entry_s) {
-      const double end_s = 0.01 * steps;
+    const double end_s = 0.01 * steps;
+    const auto smoothness = [&](double entry_s, double exit_s) {
       const auto samples = gesture(1000, end_s, [&](double t, GestureSample& s) {
-        setDepth(s, t > entry_s ? 0.005 : -0.005);
+        setDepth(s, t > entry_s && t < exit_s ? 0.005 : -0.005);
         setTip(s, {0.05 * ease(t, end_s), 0, -0.005});
       });
       return valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "ldlj");
     };
-    for (int step = 5; step < steps / 2; step += 9)
-      ASSERT_EQ(smoothness(0.01 * step + 0.0002), smoothness(0.01 * step + 0.0012))
-          << step << " of " << steps;
+    for (int step = 5; step < steps / 2; step += 9) {
+      const double entry_s = 0.01 * step + 0.0002, exit_s = end_s - 0.01 * step - 0.0002;
+      const double expected = smoothness(entry_s + 0.001, exit_s - 0.001);
+      ASSERT_EQ(smoothness(entry_s, exit_s - 0.001), expected) << step << " of " << steps;
+      ASSERT_EQ(smoothness(entry_s + 0.001, exit_s), expected) << step << " of " << steps;
+    }
   }
 }
 
