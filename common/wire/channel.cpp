@@ -1,4 +1,3 @@
-
 #include "common/wire/channel.h"
 
 #include <fmt/core.h>

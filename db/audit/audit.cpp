@@ -1,4 +1,3 @@
-
 #include "db/audit/audit.h"
 
 #include <fmt/core.h>

@@ -1,4 +1,3 @@
-
 #include "db/backup/backup.h"
 
 #include <fcntl.h>

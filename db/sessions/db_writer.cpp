@@ -1,4 +1,3 @@
-
 #include "db/sessions/db_writer.h"
 
 #include <fmt/core.h>

@@ -115,18 +115,17 @@ class GuardedWrench {
 ///   spring whose share rises while a hand leans on it gives energy to the hand.
 /// - Slew: force and torque go the same fraction of the way from the last wrench to the next one.
 /// - A part with a limit of zero (the torque of a device without torque) is dropped and does not affect the
-/// share.
+///   share.
 ///
 /// Besides the limits, the force is lost in two ways:
 ///
 /// - A FAULT: the force falls linearly to zero within 20 ms. It fades in again over 200 ms only when the
-/// cause is over, a person has then acknowledged the fault, and the tip is outside the tissue.
+///   cause is over, a person has then acknowledged the fault, and the tip is outside the tissue.
 /// - A hold (kDeviceHoldFlags: no hand, no power, not ready): the rendered share of the force falls to zero
 ///   within 20 ms, stays there, and rises over 200 ms afterwards. Samples are still admitted and stepped: the
 ///   needle keeps its true position, and the force of that position fades in. From tick to tick the force
 ///   therefore changes by at most 1/20 of the wanted force, plus the change of the wanted force. The same
-///   happens after
-///   a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
+///   happens after a stall of the loop itself (more missed ticks in a row than the watchdog's limit).
 ///
 /// Missed ticks count for both ramps down: the next tick removes their part of the force at once.
 ///

@@ -1,4 +1,3 @@
-
 #include "common/scoring/alarms/lesson_watch.h"
 
 #include <algorithm>

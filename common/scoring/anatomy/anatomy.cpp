@@ -1,4 +1,3 @@
-
 #include "common/scoring/anatomy/anatomy.h"
 
 #include <algorithm>

@@ -1,4 +1,3 @@
-
 #include "common/scoring/attempts/progress.h"
 
 #include <fmt/core.h>

@@ -1,4 +1,3 @@
-
 #include "common/scoring/attempts/reference.h"
 
 #include <fmt/core.h>

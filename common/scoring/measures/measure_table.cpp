@@ -1,4 +1,3 @@
-
 #include "common/scoring/measures/measure_table.h"
 
 #include <fmt/core.h>
