@@ -1,78 +1,60 @@
 #!/usr/bin/env python3
-"""The check of the pictures' sources finds what it should."""
+"""What is noted of the pictures of client/sim, the tables of its pages, and what these say of their tables."""
+import importlib.machinery
+import importlib.util
 import os
 import sys
 import tempfile
 import unittest
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), "../../client/sim/pictures"))
-import stamp  # noqa: E402
+SIM = os.path.join(os.path.dirname(os.path.realpath(__file__)), "../../client/sim")
+sys.path.insert(0, os.path.join(SIM, "pictures"))
 import tables  # noqa: E402
 
-SOURCES = {"pictures/a.png": ["common/haptics/**/*.cpp", "client/sim/plots/a.gp"], "a/README.md#skill": ["common/haptics/**/*.cpp"]}
+loader = importlib.machinery.SourceFileLoader("draw", os.path.join(SIM, "pictures/draw"))
+draw = importlib.util.module_from_spec(importlib.util.spec_from_loader("draw", loader))
+sys.modules["draw"] = draw
+loader.exec_module(draw)
+
 PAGE = f"# A\n\nText.\n{tables.begin_of('skill')}\n| a |\n|---|\n| 1 |\n{tables.end_of('skill')}\nMore.\n"
 
 
-class Pictures(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        self.write("common/haptics/models/voigt.cpp", "// a damper\nint b = 5;\n")
-        self.write("client/sim/plots/a.gp", "# data\nplot x\n")
-        self.write("client/sim/pictures/a.png", "png")
-        self.write("client/sim/a/README.md", PAGE)
-        stamp.write(self.folder.name, SOURCES, SOURCES)
-
-    def write(self, name, text):
-        path = os.path.join(self.folder.name, name)
-        os.makedirs(os.path.dirname(path), exist_ok=True)
-        with open(path, "w", encoding="utf-8") as file:
+class Numbers(unittest.TestCase):
+    def summary(self, text):
+        with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
             file.write(text)
+            file.flush()
+            return draw.summary(file.name)
 
-    def faults(self):
-        return stamp.check(self.folder.name, SOURCES)
+    def test_a_column_is_its_least_number_mean_and_greatest_or_how_many_texts(self):
+        self.assertEqual(self.summary("# by hand\nmodel,error_n,p50_ns\nVOIGT,1,300\nDAHL,2.5,\nDAHL,-0.5,500\n"),
+                         {"rows": 3, "model": 2, "error_n": [-0.5, 1.0, 2.5], "p50_ns": [300, 400, 500]})
+        self.assertEqual(self.summary("a,b\nnan,1\n2,\n"), {"rows": 2, "a": 2, "b": [1, 1, 1]})
+        self.assertEqual(self.summary(""), {"rows": 0})
 
-    def test_a_picture_beside_its_sources_has_no_fault(self):
-        self.assertEqual(self.faults(), [])
+    def changed(self, noted, now):
+        return draw.differences("figures", {"a.csv": noted}, {"a.csv": now})
 
-    def test_remarks_and_spaces_ask_for_no_new_picture(self):
-        self.write("common/haptics/models/voigt.cpp", "// a spring and a damper\nint b\n    = 5;  // B\n")
-        self.write("client/sim/plots/a.gp", "# other data\nplot x\n")
-        self.assertEqual(self.faults(), [])
+    def test_a_number_may_differ_by_a_thousandth_of_the_greatest_and_a_time_by_a_factor_of_ten(self):
+        self.assertEqual(self.changed({"rows": 3, "error_n": [-1, 0, 2]}, {"rows": 3, "error_n": [-1.0019, 0.0019, 2.0019]}), [])
+        self.assertEqual(self.changed({"error_n": [-1, 0, 2]}, {"error_n": [-1, 0.0021, 2]}),
+                         ["figures: a.csv, error_n: [-1, 0, 2] was drawn, now it is [-1, 0.0021, 2]"])
+        self.assertEqual(self.changed({"p50_ns": [300, 400, 500]}, {"p50_ns": [2900, 3900, 9999]}), [])
+        self.assertEqual(len(self.changed({"p50_ns": [300, 400, 500]}, {"p50_ns": [300, 4100, 500]})), 1)
 
-    def test_a_changed_new_or_removed_source_is_a_fault(self):
-        for name, text, faults in (("common/haptics/models/voigt.cpp", "int b = 6;\n", 2), ("common/haptics/new.cpp", "int c;\n", 2),
-                                   ("client/sim/plots/a.gp", "plot 2*x\n", 1)):
-            self.setUp()
-            self.write(name, text)
-            self.assertEqual(len(self.faults()), faults, name)
-            self.assertIn("client/sim/pictures/a.png was made from other sources", self.faults()[0])
+    def test_rows_texts_columns_and_tables_that_come_or_go_are_changes(self):
+        for now in ({"rows": 4, "model": 2}, {"rows": 3, "model": 3}, {"rows": 3, "model": [1, 1, 1]}, {"rows": 3}, {"rows": 3, "model": 2, "new": 1}):
+            self.assertEqual(len(self.changed({"rows": 3, "model": 2}, now)), 1, now)
+        self.assertEqual(draw.differences("figures", {"a.csv": {"rows": 1}}, {}), ["figures: no table a.csv"])
+        self.assertEqual(len(draw.differences("figures", {}, {"a.csv": {"rows": 1}})), 1)
 
-    def test_a_table_of_a_page_is_stamped_without_the_text_around_it(self):
-        self.write("client/sim/a/README.md", PAGE.replace("Text", "Other text"))
-        self.assertEqual(self.faults(), [])
-        self.write("client/sim/a/README.md", PAGE.replace("| 1 |", "| 2 |"))
-        self.assertEqual(self.faults(), ["client/sim/a/README.md#skill is not what was drawn: run client/sim/pictures/draw"])
-        self.write("client/sim/a/README.md", PAGE.replace(tables.end_of("skill"), ""))
-        self.assertEqual(len(self.faults()), 1)
-        self.assertIn("has no table between", self.faults()[0])
-
-    def test_a_picture_of_another_run_is_a_fault(self):
-        self.write("client/sim/pictures/a.png", "another png")
-        self.assertEqual(self.faults(), ["client/sim/pictures/a.png is not what was drawn: run client/sim/pictures/draw"])
-
-    def test_a_picture_that_is_gone_or_was_never_noted_is_a_fault(self):
-        os.remove(os.path.join(self.folder.name, "client/sim/pictures/a.png"))
-        self.assertEqual(self.faults(), ["there is no client/sim/pictures/a.png"])
-        self.write("client/sim/pictures/a.png", "png")
-        self.write(stamp.STAMPS, "{}\n")
-        self.assertEqual(len(self.faults()), len(SOURCES))
-
-    def test_the_patterns_of_the_real_pictures_find_sources(self):
-        root = os.path.join(stamp.HERE, "../../..")
-        for name, patterns in stamp.SOURCES.items():
-            for pattern in patterns:
-                self.assertTrue(stamp.glob.glob(os.path.join(root, pattern), recursive=True), f"{name}: {pattern} matches nothing")
+    def test_every_picture_of_a_part_is_there_and_has_noted_numbers(self):
+        noted = draw.json.loads(draw.NOTED.read_text(encoding="utf-8"))
+        self.assertEqual(sorted(noted), sorted(draw.PARTS))
+        for name, part in draw.PARTS.items():
+            self.assertTrue(noted[name], name)
+            for place in (*part.pictures.values(), *filter(None, (part.text, part.table))):
+                self.assertTrue((draw.HERE.parent / place).exists(), place)
 
 
 class Tables(unittest.TestCase):
@@ -104,7 +86,7 @@ class Pages(unittest.TestCase):
     """The pages' statements follow from their tables."""
 
     def page(self, name, part):
-        with open(os.path.join(stamp.HERE, "..", name), encoding="utf-8") as file:
+        with open(os.path.join(SIM, name), encoding="utf-8") as file:
             text = file.read()
         lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in tables.part_of(text, part).splitlines()]
         return text, [dict(zip(range(len(line)), line), measure=line[0].strip("`")) for line in lines[2:]]
