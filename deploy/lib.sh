@@ -10,12 +10,12 @@ say() { printf '\n== %s  [%s s]\n' "$*" "$(($(date +%s) - started))"; }
 die() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
 
 # build PRESET [TARGET ...]: configures if needed and builds; prints compiler output only if something is wrong.
-# `demo` is `release` without its tests, in the same folder; a folder configured as release with its tests stays so.
+# `demo` is `quick` without its tests, in the same folder; a folder configured as quick with its tests stays so.
 build() {
   local preset=$1 folder=$1; shift
   if [ "$preset" = demo ]; then
-    folder=release
-    ! grep -qs '^NEEDLELAB_BUILD_TESTS:BOOL=ON' "$root/build/release/CMakeCache.txt" || preset=release
+    folder=quick
+    ! grep -qs '^NEEDLELAB_BUILD_TESTS:BOOL=ON' "$root/build/quick/CMakeCache.txt" || preset=quick
   fi
   local log=$root/build/$folder.log
   mkdir -p "$root/build"

@@ -1,6 +1,6 @@
 # needlelab_library(NAME [OPTIMISED | TOOL] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
-#   OPTIMISED: runs in the haptic tick or computes for long: -O2 in a release build (others: -O1), -O1 under a sanitizer
-#   (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
+#   OPTIMISED: runs in the haptic tick or computes for long: -O2 in a release build (others: -O1) and a quick one (others:
+#   -O0), -O1 under a sanitizer (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
 #   TOOL: only tests use it and time nothing with it, so it is compiled like a test
 # needlelab_program(NAME [TOOL] SOURCES ... DEPS ...)       -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
@@ -17,7 +17,7 @@
 # allowed between folders, and tests/structure checks them.
 
 function(needlelab_optimise target)
-  target_compile_options(${target} PRIVATE $<$<CONFIG:RelWithDebInfo>:-O2>)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:RelWithDebInfo,Quick>:-O2>)
   if(NEEDLELAB_SANITIZE)
     target_compile_options(${target} PRIVATE -O1)
   endif()

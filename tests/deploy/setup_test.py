@@ -90,7 +90,7 @@ class Setup(unittest.TestCase):
             shutil.copytree(ROOT / "deploy", f"{folder}/deploy")
             system = OtherSystem(self)
             system.add("cmake", 'echo "cmake was asked: $*"; exit 1\n')
-            for script, preset in (("demo", "demo"), ("test", "release")):
+            for script, preset in (("demo", "demo"), ("test", "quick")):
                 code, text = system.run(script=f"{folder}/deploy/{script}")
                 self.assertEqual(code, 1)
                 self.assertIn("not a Debian system", text)
@@ -104,11 +104,11 @@ class Setup(unittest.TestCase):
     def test_the_demo_keeps_a_build_with_tests(self):
         with tempfile.TemporaryDirectory() as folder:
             shutil.copytree(ROOT / "deploy", f"{folder}/deploy")
-            os.makedirs(f"{folder}/build/release")
-            pathlib.Path(folder, "build/release/CMakeCache.txt").write_text("NEEDLELAB_BUILD_TESTS:BOOL=ON\n", encoding="ascii")
+            os.makedirs(f"{folder}/build/quick")
+            pathlib.Path(folder, "build/quick/CMakeCache.txt").write_text("NEEDLELAB_BUILD_TESTS:BOOL=ON\n", encoding="ascii")
             system = OtherSystem(self)
             system.add("cmake", 'echo "cmake was asked: $*"; exit 1\n')
-            self.assertIn("cmake was asked: --preset release", system.run("--no-setup", script=f"{folder}/deploy/demo")[1])
+            self.assertIn("cmake was asked: --preset quick", system.run("--no-setup", script=f"{folder}/deploy/demo")[1])
 
     def test_a_wrong_argument_is_refused(self):
         self.assertEqual(subprocess.run([SETUP, "--dmeo"], capture_output=True, check=False).returncode, 1)

@@ -6,7 +6,7 @@ import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
 const kHere = fileURLToPath(new URL('.', import.meta.url));
-export const kBin = process.env.NEEDLELAB_BIN ?? join(kHere, '../../../build/release/bin');
+export const kBin = process.env.NEEDLELAB_BIN ?? join(kHere, '../../../build/quick/bin');
 export const kWebRoot = process.env.NEEDLELAB_WEB_ROOT ?? join(kHere, '../../../client/web');
 /** How long a step may take on a slow machine. */
 export const kLong_ms = Number(process.env.NEEDLELAB_WAIT_MS ?? 60_000);

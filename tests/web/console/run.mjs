@@ -8,7 +8,7 @@ import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
 const here = fileURLToPath(new URL('.', import.meta.url));
-const bin = process.env.NEEDLELAB_BIN ?? join(here, '../../../build/release/bin');
+const bin = process.env.NEEDLELAB_BIN ?? join(here, '../../../build/quick/bin');
 
 function runs(file) {
   try {
