@@ -84,7 +84,7 @@ std::string refusal(const SceneSpec& scene) {
   return status.error().message;
 }
 
-TEST(SceneSpec, theReadyMadeScenesAreValid) {
+TEST(Validate, theReadyMadeScenesAreValid) {
   for (const SceneSpec& scene : {paperOneDof(), paperSixLayers(), allEffects()})
     for (const LimbKind limb : kLimbKinds) {
       const Status status = validate(withLimb(scene, limb));
@@ -92,7 +92,7 @@ TEST(SceneSpec, theReadyMadeScenesAreValid) {
     }
 }
 
-TEST(SceneSpec, outOfRangeFieldsAreRefusedByPathValueAndRange) {
+TEST(Validate, outOfRangeFieldsAreRefusedByPathValueAndRange) {
   for (const Field& field : fields()) {
     const double inf = std::numeric_limits<double>::infinity();
     std::vector<std::pair<double, std::string>> bad = {
@@ -108,7 +108,7 @@ TEST(SceneSpec, outOfRangeFieldsAreRefusedByPathValueAndRange) {
   }
 }
 
-TEST(SceneSpec, theEndsOfTheRangesAreAllowed) {
+TEST(Validate, theEndsOfTheRangesAreAllowed) {
   for (const Field& field : fields()) {
     SceneSpec scene = allEffects();
     for (auto& layer : scene.layers) layer.rejection_force_N = 0;
@@ -122,7 +122,7 @@ TEST(SceneSpec, theEndsOfTheRangesAreAllowed) {
   }
 }
 
-TEST(SceneSpec, layersAreOneToThirtyTwo) {
+TEST(Validate, layersAreOneToThirtyTwo) {
   SceneSpec scene = paperOneDof();
   const LayerSpec layer = scene.layers[0];
   scene.layers.clear();
@@ -134,7 +134,7 @@ TEST(SceneSpec, layersAreOneToThirtyTwo) {
 }
 
 // §4: "rejection ≤ min(cutting, attracted where live, else cutting)"
-TEST(SceneSpec, rejectionIsAtMostWhatTheWallCanHold) {
+TEST(Validate, rejectionIsAtMostWhatTheWallCanHold) {
   SceneSpec scene = paperSixLayers();  // attracted 0.4 everywhere
   scene.layers[3].rejection_force_N = 0.41;
   EXPECT_THAT(refusal(scene),
@@ -147,13 +147,13 @@ TEST(SceneSpec, rejectionIsAtMostWhatTheWallCanHold) {
   EXPECT_TRUE(validate(scene).ok());
 }
 
-TEST(SceneSpec, aMembraneThatCouldNeverRuptureIsRefused) {
+TEST(Validate, aMembraneThatCouldNeverRuptureIsRefused) {
   SceneSpec scene = allEffects();
   scene.layers[2].membrane = MembraneSpec{0, 0, 1};
   EXPECT_THAT(refusal(scene), HasSubstr("layers[2].puncture"));
 }
 
-TEST(SceneSpec, limbsWithoutAShapeAreRefused) {
+TEST(Validate, limbsWithoutAShapeAreRefused) {
   const double nan = std::nan("");
   const auto with = [](Limb limb) {
     SceneSpec scene = paperOneDof();
@@ -174,7 +174,7 @@ TEST(SceneSpec, limbsWithoutAShapeAreRefused) {
   EXPECT_THAT(refusal(with(CapsuleLimb{{0, 0, 0}, {1, -HUGE_VAL, 3}, 0.1})), HasSubstr("limb.capsule.b_m"));
 }
 
-TEST(SceneSpec, unknownEffectBitsAreRefused) {
+TEST(Validate, unknownEffectBitsAreRefused) {
   EXPECT_THAT(refusal(withEffects(paperOneDof(), EffectMask{1} << kEffectCount)), HasSubstr("effects"));
 }
 
