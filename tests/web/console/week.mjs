@@ -245,16 +245,18 @@ export function week(t) {
     await tile.getByText('practising').waitFor();
     await tile.getByText('anna.bauer').waitFor();
     await page.getByText('2 of 2 stations are in use').waitFor();
-    // the hand goes in and out: the depth changes, and the layer at the tip is named; once to the end, so that the
-    // target is reached
-    const depths = new Set();
+    // the hand goes in and out: depth and force change, and the layer at the tip is named; once to the end, so that
+    // the target is reached
+    const depths = new Set(),
+      forces = new Set();
     let deepest = false;
     await until('one way in and out', async () => {
       const text = await tile.innerText();
       depths.add(/Depth\s+([\d.]+\s\S+)/.exec(text)?.[1]);
+      forces.add(/Force\s+([\d.]+\s\S+)/.exec(text)?.[1]);
       const layer = / in (skin|fat|muscle|capsule|suprapatellar recess|femur|bone)/.exec(text)?.[1];
       deepest ||= layer === 'suprapatellar recess';
-      return deepest && depths.size >= 4 && layer !== 'suprapatellar recess';
+      return deepest && depths.size >= 4 && forces.size >= 4 && layer !== 'suprapatellar recess';
     });
     await accessible(page, 'the live lab');
     stations[0].child.kill('SIGTERM');

@@ -26,8 +26,8 @@ function Gauge({ label, value, full, unit, peak }) {
 }
 
 function Tile({ tile, person, nameOf }) {
-  const force = tile.force_n ?? tile.force_N ?? 0,
-    peak = tile.peak_force_n ?? tile.peak_force_N ?? 0;
+  const force = tile.force_n ?? 0,
+    peak = tile.peak_force_n ?? 0;
   const [kind, word] = tileState(tile);
   return html`<li class=${'tile live-tile' + (tile.fault ? ' live-fault' : '')} aria-label=${`Station ${tile.station}`}>
     <div class="card-head"><h2>${tile.station}</h2><${Mark} kind=${kind}>${word}<//></div>
