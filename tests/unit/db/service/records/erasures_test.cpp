@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "db/backup/backup.h"
+#include "db/backup/old_backups.h"
 #include "db/erasure/erasure.h"
 #include "db/service/folder/data_folder.h"
 #include "tests/unit/db/service/test_service.h"
@@ -135,6 +136,27 @@ TEST_F(Erasures, aListThatWasLostIsWrittenAgainByTheNextStart) {
   openAgain();
   EXPECT_EQ(listed(), before);
   EXPECT_TRUE(get(admin, check).check_report().ok());
+}
+
+TEST_F(Erasures, theReplySaysHowManyBackupsHaveTheNameUpToTheNewest) {
+  if (test::onPostgres()) return;  // its backups are made by its own tools
+  EXPECT_THAT(get(admin, erase("anna")).erasure().text(),
+              AllOf(HasSubstr("Backups that were made before have the name until somebody removes them. "),
+                    Not(HasSubstr("backups in"))));
+  addPerson("ben", pb::TRAINEE);
+  const auto backups = folder.path() / "backups", elsewhere = folder.path() / "elsewhere";
+  const auto hour = [](int n) { return backupName(1'770'000'000'000'000'000 + n * 3'600'000'000'000); };
+  // the newest is neither the first nor the last one made; what counts is in the last one's folder, named as
+  // a backup
+  for (const auto& path : {elsewhere / hour(4), backups / "by-hand.db", backups / hour(2), backups / hour(3),
+                           backups / hour(1)}) {
+    std::filesystem::create_directories(path.parent_path());
+    pb::Request backup;
+    backup.mutable_backup()->set_path(path.string());
+    get(admin, backup);
+  }
+  EXPECT_THAT(get(admin, erase("ben")).erasure().text(),
+              HasSubstr("3 backups in " + backups.string() + ", up to " + hour(3) + ", have the name until"));
 }
 
 TEST_F(Erasures, aBackupRestoredElsewhereBringsNoOneBack) {
