@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "client/view/model/palette.h"
+#include "client/view/model/letters.h"
 #include "common/base/time/time_source.h"
 
 namespace needlelab {

@@ -5,6 +5,7 @@
 
 #include <imgui/imgui.h>
 
+#include "client/view/model/letters.h"
 #include "client/view/model/palette.h"
 
 namespace needlelab {
@@ -16,7 +17,7 @@ inline ImU32 packed(Rgb colour, float opacity = 1) {
   return ImGui::ColorConvertFloat4ToU32(colourOf(colour, opacity));
 }
 
-/// Sizes: LetterSizes; minimum angles on a station: kBodyArcmin … (model/palette.h). Text that a trainee must
+/// Sizes: LetterSizes; minimum angles on a station: kBodyArcmin … (model/letters.h). Text that a trainee must
 /// read while holding the handle (state, time, alarm, message, verdict) uses kHeading or kFigure; kFigure
 /// only has digits, signs and Latin letters.
 enum class Letters : int { kBody, kSmall, kHeading, kFigure };

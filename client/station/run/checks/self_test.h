@@ -16,7 +16,7 @@
 #include "client/station/run/io/options.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/zero_force_loop.h"
-#include "client/view/model/palette.h"
+#include "client/view/model/letters.h"
 #include "common/base/program.h"
 
 namespace needlelab {

@@ -12,7 +12,7 @@
 #include "client/net/spool/spool.h"
 #include "client/station/alarm/tone.h"
 #include "client/station/run/loop/fault_watch.h"
-#include "client/view/model/palette.h"
+#include "client/view/model/letters.h"
 #include "common/base/result.h"
 #include "common/haptics/geometry.h"
 #include "common/wire/endpoint.h"
