@@ -21,10 +21,10 @@
 namespace needlelab {
 namespace {
 
-using Admin = test::AdminTest;
+using AdminApp = test::AdminTest;
 using Arguments = std::vector<std::string>;
 
-TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
+TEST_F(AdminApp, sessionsAreSearchedByDateVerdictExerciseAndName) {
   const std::string id = uuidText(addSession(2));  // anna's, at knee-1, started 2023-11-14T22:13:20Z
   const auto found = [&](const Arguments& more) {
     Arguments arguments = {"session", "list", "--json"};
@@ -49,7 +49,7 @@ TEST_F(Admin, sessionsAreSearchedByDateVerdictExerciseAndName) {
   EXPECT_EQ(good({"session", "show", id, "--json"}).code, 0);
 }
 
-TEST_F(Admin, rootIsRefusedOnAnotherUsersFolderWithTheRightCommand) {
+TEST_F(AdminApp, rootIsRefusedOnAnotherUsersFolderWithTheRightCommand) {
   good({"user", "add", "tom", "--role", "trainee"});
   const std::filesystem::path database = std::filesystem::path(data()) / "needlelab.db";
   constexpr uid_t kOther = 61234;  // owned by no user
@@ -72,7 +72,7 @@ TEST_F(Admin, rootIsRefusedOnAnotherUsersFolderWithTheRightCommand) {
   EXPECT_TRUE(checkFolderUser(folder.path() / "none", 0).ok());
 }
 
-TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {
+TEST_F(AdminApp, setsUpAFolderBeforeTheFirstServerStart) {
   const auto password = folder.write("pw", "correct horse\n").string();
   good({"user", "add", "ines", "--role", "instructor", "--password-file", password});
   good({"--password-file", password, "user", "add", "ada", "--role", "ADMIN"});
@@ -104,7 +104,7 @@ TEST_F(Admin, setsUpAFolderBeforeTheFirstServerStart) {
   EXPECT_OK(store->service().logins().loginStation("lab 1", key));
 }
 
-TEST_F(Admin, wrongUsageAndInputAreTwoAndMakeNothing) {
+TEST_F(AdminApp, wrongUsageAndInputAreTwoAndMakeNothing) {
   const auto empty = folder.write("empty", "\n").string();
   const auto bad_json = folder.write("bad.json", "{\"id\": 5}").string();
   const std::string key = folder.write("taken.key", "x").string();
@@ -147,7 +147,7 @@ TEST_F(Admin, wrongUsageAndInputAreTwoAndMakeNothing) {
   EXPECT_FALSE(std::filesystem::exists(data()));
 }
 
-TEST_F(Admin, wrongInputOnAFolderIsTwoAndNamed) {
+TEST_F(AdminApp, wrongInputOnAFolderIsTwoAndNamed) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto bad_json = folder.write("bad.json", "{\"id\": 5}").string();
   const auto short_password = folder.write("pw", "short").string();
@@ -172,7 +172,7 @@ TEST_F(Admin, wrongInputOnAFolderIsTwoAndNamed) {
   }
 }
 
-TEST_F(Admin, aFileInAMissingFolderExitsWithTwo) {
+TEST_F(AdminApp, aFileInAMissingFolderExitsWithTwo) {
   good({"user", "add", "anna", "--role", "trainee"});
   const std::string id = uuidText(addSession(1));
   const std::string none = file("none/x");
@@ -194,7 +194,7 @@ TEST_F(Admin, aFileInAMissingFolderExitsWithTwo) {
   EXPECT_FALSE(std::filesystem::exists(file("none")));
 }
 
-TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
+TEST_F(AdminApp, aCommandThatFailsLeavesNoNewFolder) {
   const auto empty = folder.write("empty", "\n").string(), brief = folder.write("brief", "short\n").string();
   const auto table = folder.write("people.csv", "name,role\nzoe,boss\n").string();
   const std::vector<Arguments> commands = {
@@ -223,7 +223,7 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewFolder) {
   EXPECT_FALSE(std::filesystem::exists(data() + "/tls")) << "no certificate for a station that was refused";
 }
 
-TEST_F(Admin, aCommandThatFailsLeavesNoNewParentFolders) {
+TEST_F(AdminApp, aCommandThatFailsLeavesNoNewParentFolders) {
   const auto fails = [&](const std::string& data_folder) {
     return run({"--data", data_folder, "user", "add", "ada", "--role", "administrator", "--new-password-file",
                 file("none")})
@@ -243,7 +243,7 @@ TEST_F(Admin, aCommandThatFailsLeavesNoNewParentFolders) {
   EXPECT_FALSE(std::filesystem::exists(file("a/b")));
 }
 
-TEST_F(Admin, aDatabaseThatCannotBeWrittenLeavesNoNewFolder) {
+TEST_F(AdminApp, aDatabaseThatCannotBeWrittenLeavesNoNewFolder) {
   rlimit usual{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &usual), 0);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
@@ -260,7 +260,7 @@ TEST_F(Admin, aDatabaseThatCannotBeWrittenLeavesNoNewFolder) {
   good({"user", "add", "tom", "--role", "trainee"});
 }
 
-TEST_F(Admin, filesOfOthersInANewFolderAreNeverRemoved) {
+TEST_F(AdminApp, filesOfOthersInANewFolderAreNeverRemoved) {
   auto backend = openFolder(data(), true);
   ASSERT_TRUE(backend.ok()) << backend.error().message;
   std::filesystem::create_directories(data() + "/tls");
@@ -274,7 +274,7 @@ TEST_F(Admin, filesOfOthersInANewFolderAreNeverRemoved) {
   EXPECT_FALSE(std::filesystem::exists(data() + "/needlelab.db"));
 }
 
-TEST_F(Admin, aDatabaseOfAPendingRestoreIsNeverRemoved) {
+TEST_F(AdminApp, aDatabaseOfAPendingRestoreIsNeverRemoved) {
   { const auto store = test::TestDb::must(Store::open(file("other"), {})); }
   std::filesystem::create_directory(data());
   std::filesystem::copy_file(file("other/needlelab.db"), data() + "/needlelab.db.restoring");
@@ -288,7 +288,7 @@ TEST_F(Admin, aDatabaseOfAPendingRestoreIsNeverRemoved) {
   EXPECT_TRUE(std::filesystem::exists(data() + "/needlelab.db"));
 }
 
-TEST_F(Admin, whatIsRefusedOrMissingIsOne) {
+TEST_F(AdminApp, whatIsRefusedOrMissingIsOne) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto password = folder.write("pw", "correct horse").string();
   const Arguments refused[] = {
@@ -317,7 +317,7 @@ TEST_F(Admin, whatIsRefusedOrMissingIsOne) {
   EXPECT_FALSE(std::filesystem::exists(file("x.csv")));
 }
 
-TEST_F(Admin, aRunningServersFolderIsRefusedByName) {
+TEST_F(AdminApp, aRunningServersFolderIsRefusedByName) {
   const auto store = test::TestDb::must(Store::open(data(), {}));
   const Run result = onData({"user", "list"});
   EXPECT_EQ(result.code, 1);
@@ -325,7 +325,7 @@ TEST_F(Admin, aRunningServersFolderIsRefusedByName) {
   EXPECT_NE(result.err.find("--server"), std::string::npos);
 }
 
-TEST_F(Admin, profilesGoInAndOutUnchanged) {
+TEST_F(AdminApp, profilesGoInAndOutUnchanged) {
   good({"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json", NEEDLELAB_SAMPLES "/wrist-adult.json"});
   const auto rows = good({"profile", "list", "--json"}).rows();
   EXPECT_EQ(rows.size() + 3, embeddedSamples().size()) << "three of them are courses";
@@ -339,7 +339,7 @@ TEST_F(Admin, profilesGoInAndOutUnchanged) {
   EXPECT_EQ(good({"profile", "show", "knee-adult", "--json"}).rows()[0].at("profile").at("id"), "knee-adult");
 }
 
-TEST_F(Admin, curriculaAndAssignments) {
+TEST_F(AdminApp, curriculaAndAssignments) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto curricula = good({"curriculum", "list", "--json"}).rows();
   ASSERT_EQ(curricula.size(), 3u) << "the sample courses";
@@ -360,7 +360,7 @@ TEST_F(Admin, curriculaAndAssignments) {
   EXPECT_EQ(assignments[0].at("exercise_id"), exercise);
 }
 
-TEST_F(Admin, sessionsAreListedShownVerifiedAndAnnotated) {
+TEST_F(AdminApp, sessionsAreListedShownVerifiedAndAnnotated) {
   const std::string id = uuidText(addSession(3));
   EXPECT_NE(good({"session", "list"}).out.find(id), std::string::npos);
   EXPECT_TRUE(good({"session", "list", "--trainee", "nobody", "--json"}).rows().empty());
@@ -373,7 +373,7 @@ TEST_F(Admin, sessionsAreListedShownVerifiedAndAnnotated) {
   EXPECT_EQ(good({"session", "verify", id, "--json"}).rows()[0].at("ok"), true);
 }
 
-TEST_F(Admin, theSyringesEventsOfASessionAreListed) {
+TEST_F(AdminApp, theSyringesEventsOfASessionAreListed) {
   pb::SyringeEvent event;
   event.set_kind(pb::SyringeEvent::INJECTION);
   event.set_begin_s(12.3);
@@ -409,7 +409,7 @@ TEST_F(Admin, theSyringesEventsOfASessionAreListed) {
   EXPECT_TRUE(good({"session", "show", open, "--json"}).rows()[0].at("events").is_null());
 }
 
-TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {
+TEST_F(AdminApp, damageMakesVerifyCheckAndBackupFail) {
   const std::string id = uuidText(addSession(3, false, "UPDATE chunks SET crc = 1 WHERE seq = 1"));
   const Run verify = onData({"session", "verify", id});
   EXPECT_EQ(verify.code, 1);
@@ -422,7 +422,7 @@ TEST_F(Admin, damageMakesVerifyCheckAndBackupFail) {
   EXPECT_FALSE(std::filesystem::exists(file("copy.db")));
 }
 
-TEST_F(Admin, anUndecodableChunkIsShownAndNamedInTheBackup) {
+TEST_F(AdminApp, anUndecodableChunkIsShownAndNamedInTheBackup) {
   const Uuid id = addSession(2, true);
   {
     Bytes bad = test::chunkOf(2);
@@ -452,7 +452,7 @@ TEST_F(Admin, anUndecodableChunkIsShownAndNamedInTheBackup) {
   EXPECT_TRUE(std::filesystem::exists(file("copy.db")));
 }
 
-TEST_F(Admin, checkingACopyChangesNothingAndReadsNothingElse) {
+TEST_F(AdminApp, checkingACopyChangesNothingAndReadsNothingElse) {
   addSession(3);
   good({"user", "add", "tom", "--role", "trainee"});
   good({"person", "erase", "tom", "--confirm", "tom"});
@@ -467,7 +467,7 @@ TEST_F(Admin, checkingACopyChangesNothingAndReadsNothingElse) {
   EXPECT_NE(none.err.find("there is no needlelab.db"), std::string::npos) << none.err;
 }
 
-TEST_F(Admin, backupAndAudit) {
+TEST_F(AdminApp, backupAndAudit) {
   addSession(3);
   EXPECT_EQ(good({"backup", file("copy.db"), "--json"}).rows()[0].at("chunks_verified"), 3);
   const auto audit = good({"audit", "--json"}).rows();
@@ -476,7 +476,7 @@ TEST_F(Admin, backupAndAudit) {
   EXPECT_EQ(audit[0].at("who").get<std::string>().rfind("local:", 0), 0u);
 }
 
-TEST_F(Admin, jsonGoesToAFileWholly) {
+TEST_F(AdminApp, jsonGoesToAFileWholly) {
   good({"user", "add", "tom", "--role", "trainee"});
   const Run result = good({"user", "list", "--json", file("users.json")});
   EXPECT_TRUE(result.out.empty());
@@ -488,7 +488,7 @@ TEST_F(Admin, jsonGoesToAFileWholly) {
   EXPECT_EQ(onData({"user", "list", "--json", file("none/users.json")}).code, 2);
 }
 
-TEST_F(Admin, helpAndVersionAreZero) {
+TEST_F(AdminApp, helpAndVersionAreZero) {
   EXPECT_EQ(run({"--help"}).code, 0);
   EXPECT_EQ(run({"user", "add", "--help"}).code, 0);
   EXPECT_EQ(run({"--version"}).out, "needlelab-admin " NEEDLELAB_VERSION "\n");

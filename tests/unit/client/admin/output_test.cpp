@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-TEST(OutputText, timesInATableAreLocalAndNameTheirZone) {
+TEST(Output, timesInATableAreLocalAndNameTheirZone) {
   const test::WithZone zone(test::kStJohns);
   const std::vector<Column> when = {{"at", "AT", Column::Kind::kTime}};
   const auto table = [&](std::int64_t unix_ns) { return tableText(when, Json::array({{{"at", unix_ns}}})); };
@@ -20,7 +20,7 @@ TEST(OutputText, timesInATableAreLocalAndNameTheirZone) {
   EXPECT_EQ(table((20635 * 86'400LL + 12 * 3600) * 1'000'000'000), "AT\n2026-07-01 09:30:00 NDT\n");
 }
 
-TEST(OutputText, sizesAreRounded) {
+TEST(Output, sizesAreRounded) {
   EXPECT_EQ(bytesText(0), "0 B");
   EXPECT_EQ(bytesText(999), "999 B");
   EXPECT_EQ(bytesText(1'000), "1 kB");
@@ -28,7 +28,7 @@ TEST(OutputText, sizesAreRounded) {
   EXPECT_EQ(bytesText(12'345'678), "12.3 MB");
 }
 
-TEST(OutputText, nothingReachesATerminalButText) {
+TEST(Output, nothingReachesATerminalButText) {
   EXPECT_EQ(oneLine("a\x1b[2J\nb\tc\x7f"), "a [2J b c ");
   EXPECT_EQ(oneLine("a\xc2\x9b"
                     "2Jb"),
@@ -38,7 +38,7 @@ TEST(OutputText, nothingReachesATerminalButText) {
   EXPECT_EQ(oneLine("Tom \u202eegroeG"), "Tom [U+202E]egroeG");
 }
 
-TEST(OutputText, aStoredTextThatIsNoJsonIsNull) {
+TEST(Output, aStoredTextThatIsNoJsonIsNull) {
   EXPECT_EQ(storedJson(R"({"a":[1]})").dump(), R"({"a":[1]})");
   for (const char* bad : {"", "{", "not json", "[1] 2"}) EXPECT_EQ(storedJson(bad).dump(), "null") << bad;
 }

@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-class AdminOnServer : public test::AdminServerTest {
+class ServerCommands : public test::AdminServerTest {
  protected:
   void SetUp() override {
     addPerson("ada", "administrator");
@@ -22,7 +22,7 @@ class AdminOnServer : public test::AdminServerTest {
   Uuid session_{};
 };
 
-TEST_F(AdminOnServer, theSameCommandsWork) {
+TEST_F(ServerCommands, theSameCommandsWork) {
   const Run users = as("ada", {"user", "list", "--json"});
   EXPECT_EQ(users.code, 0) << users.err;
   EXPECT_EQ(users.rows().size(), 3u);
@@ -44,7 +44,7 @@ TEST_F(AdminOnServer, theSameCommandsWork) {
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 40 * 20 + 1);
 }
 
-TEST_F(AdminOnServer, ofSeveralServersTheFirstThatAnswersIsAsked) {
+TEST_F(ServerCommands, ofSeveralServersTheFirstThatAnswersIsAsked) {
   const std::string there = address_;
   address_ = "127.0.0.1:1," + there;
   const Run users = as("ada", {"user", "list", "--json"});
@@ -58,7 +58,7 @@ TEST_F(AdminOnServer, ofSeveralServersTheFirstThatAnswersIsAsked) {
   EXPECT_EQ(as("ada", {"user", "list"}).code, 2);
 }
 
-TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
+TEST_F(ServerCommands, partsAreExportedAndRetentionRuns) {
   const auto id = uuidText(session_);
   const Run part =
       as("ines", {"session", "export", id, "--from", "0.4", "--to", "0.5", "--out", file("p.csv")});
@@ -77,7 +77,7 @@ TEST_F(AdminOnServer, partsAreExportedAndRetentionRuns) {
             0);
 }
 
-TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
+TEST_F(ServerCommands, aNewUsersPasswordIsApartFromOnesOwn) {
   const auto fresh = folder.write("pw2", "another horse").string();
   const Run added =
       as("ada", {"user", "add", "mia", "--role", "curriculum-manager", "--password-file", fresh});
@@ -94,7 +94,7 @@ TEST_F(AdminOnServer, aNewUsersPasswordIsApartFromOnesOwn) {
   EXPECT_EQ(as("ada", {"user", "list", "--json"}).rows()[3].at("has_password"), false);
 }
 
-TEST_F(AdminOnServer, theOwnPasswordIsChangedWithTheOneOfTheLogIn) {
+TEST_F(ServerCommands, theOwnPasswordIsChangedWithTheOneOfTheLogIn) {
   const auto fresh = folder.write("pw3", "a third horse").string();
   const Run changed = as("ines", {"user", "passwd", "ines", "--new-password-file", fresh});
   EXPECT_EQ(changed.code, 0) << changed.err;
@@ -103,7 +103,7 @@ TEST_F(AdminOnServer, theOwnPasswordIsChangedWithTheOneOfTheLogIn) {
   EXPECT_EQ(as("ines", {"profile", "list"}).code, 0);
 }
 
-TEST_F(AdminOnServer, rolesAreTheServersAffair) {
+TEST_F(ServerCommands, rolesAreTheServersAffair) {
   const Run refused = as("tom", {"user", "list"});
   EXPECT_EQ(refused.code, 1);
   EXPECT_NE(refused.err.find("trainee"), std::string::npos) << refused.err;
@@ -111,7 +111,7 @@ TEST_F(AdminOnServer, rolesAreTheServersAffair) {
   EXPECT_EQ(as("ines", {"profile", "import", NEEDLELAB_SAMPLES "/knee-adult.json"}).code, 1);
 }
 
-TEST_F(AdminOnServer, wrongPasswordWrongCaAndNoServerExitWithOne) {
+TEST_F(ServerCommands, wrongPasswordWrongCaAndNoServerExitWithOne) {
   password_ = folder.write("wrong", "wrong horse").string();
   const Run wrong = as("ada", {"user", "list"});
   EXPECT_EQ(wrong.code, 1);

@@ -51,7 +51,7 @@ ScriptedTurns sayer(DeviceWorld& world, std::string& said, char letter, std::int
   });
 }
 
-TEST(DeviceWorld, threadsTakeTurnsInTheOrderOfTheirDueTimes) {
+TEST(Turns, threadsTakeTurnsInTheOrderOfTheirDueTimes) {
   DeviceWorld world;
   std::string said;
   int a_left = 100, b_left = 100;
@@ -65,7 +65,7 @@ TEST(DeviceWorld, threadsTakeTurnsInTheOrderOfTheirDueTimes) {
   a_left = b_left = 0;
 }
 
-TEST(DeviceWorld, aSleeperInItsTurnLetsTheOthersGoOn) {
+TEST(Turns, aSleeperInItsTurnLetsTheOthersGoOn) {
   DeviceWorld world;
   std::string said;
   int left = 100;
@@ -84,7 +84,7 @@ TEST(DeviceWorld, aSleeperInItsTurnLetsTheOthersGoOn) {
   left = 0;
 }
 
-TEST(DeviceWorld, anEventOrLatenessMovesAWakeUp) {
+TEST(Turns, anEventOrLatenessMovesAWakeUp) {
   DeviceWorld world;
   std::vector<std::int64_t> turns_ns;
   const std::int64_t start_ns = world.nowNs();
@@ -104,7 +104,7 @@ TEST(DeviceWorld, anEventOrLatenessMovesAWakeUp) {
   ends = true;
 }
 
-TEST(DeviceWorld, theSeedDecidesWhoIsFirstAmongEqualsAndAlwaysTheSame) {
+TEST(Turns, theSeedDecidesWhoIsFirstAmongEqualsAndAlwaysTheSame) {
   const auto play = [](std::uint64_t seed) {
     DeviceWorld world(seed);
     std::string said;

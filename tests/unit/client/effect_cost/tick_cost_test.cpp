@@ -82,7 +82,7 @@ TEST(TickRun, repeatsTheGesture) {
   EXPECT_GT(deepest_m, 0.01) << "the gesture goes somewhere";
 }
 
-TEST(Calibration, namesTheLiveEffectsOnlyEachWithItsCost) {
+TEST(TickCost, namesTheLiveEffectsOnlyEachWithItsCost) {
   SceneSpec scene = paperSixLayers();
   scene.effects |= bitOf(Effect::kShaftFriction);  // listed, but no layer has friction: not live
   const auto costs = calibrateEffects(scene, 1000);
@@ -93,14 +93,14 @@ TEST(Calibration, namesTheLiveEffectsOnlyEachWithItsCost) {
   for (const EffectCost& cost : costs->effects) EXPECT_TRUE(std::isfinite(cost.ns));
 }
 
-TEST(Calibration, aSceneWithoutEffectsHasATickButNoCosts) {
+TEST(TickCost, aSceneWithoutEffectsHasATickButNoCosts) {
   const auto costs = calibrateEffects(withEffects(paperSixLayers(), 0), 1000);
   ASSERT_TRUE(costs.ok()) << costs.error().message;
   EXPECT_TRUE(costs->effects.empty());
   EXPECT_GT(costs->tick_ns, 0);
 }
 
-TEST(Calibration, aSceneThatIsNoSceneIsRefused) {
+TEST(TickCost, aSceneThatIsNoSceneIsRefused) {
   SceneSpec scene = paperSixLayers();
   scene.layers.clear();
   EXPECT_FALSE(calibrateEffects(scene, 1000).ok());

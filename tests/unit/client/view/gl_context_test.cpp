@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-TEST(WindowState, survivesARoundTrip) {
+TEST(GlContext, theWindowsStateSurvivesARoundTrip) {
   const test::TempFolder folder;
   const auto file = folder.path() / "new" / "window.json";
   ASSERT_TRUE(writeWindowState(file, {-40, 25, 1600, 900, 1.25}));
@@ -22,7 +22,7 @@ TEST(WindowState, survivesARoundTrip) {
   EXPECT_DOUBLE_EQ(state->font_scale, 1.25);
 }
 
-TEST(WindowState, whatIsUnusableIsPassedOver) {
+TEST(GlContext, unusableStateOfTheWindowIsPassedOver) {
   const test::TempFolder folder;
   EXPECT_FALSE(readWindowState({}));
   EXPECT_FALSE(readWindowState(folder.path() / "missing.json"));

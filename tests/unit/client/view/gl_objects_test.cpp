@@ -12,9 +12,9 @@ namespace {
 
 using test::pixelAt;
 
-class TextureTest : public test::ViewStage {
+class GlObjectsTest : public test::ViewStage {
  protected:
-  TextureTest() {
+  GlObjectsTest() {
     options_.width_px = 200;
     options_.height_px = 120;
   }
@@ -26,7 +26,7 @@ class TextureTest : public test::ViewStage {
   }
 };
 
-TEST_F(TextureTest, greyAndColourShowTheirPixelsTheRightWayUp) {
+TEST_F(GlObjectsTest, greyAndColourTexturesShowTheirPixelsTheRightWayUp) {
   GreyImage grey{5, 3, {0, 50, 100, 150, 200, 10, 20, 30, 40, 250, 1, 2, 3, 4, 5}};
   RgbaImage colour{2, 2, {255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 255, 255, 255, 255}};
   Texture texture;
@@ -44,7 +44,7 @@ TEST_F(TextureTest, greyAndColourShowTheirPixelsTheRightWayUp) {
   EXPECT_EQ(pixelAt(picture, 10, 11), 0x0000FFu);
 }
 
-TEST_F(TextureTest, aNewUploadIsSeenAlthoughTheFramesListsAreTheSame) {
+TEST_F(GlObjectsTest, aNewUploadIsSeenAlthoughTheFramesListsAreTheSame) {
   Texture texture;
   texture.upload(GreyImage{2, 2, {10, 10, 10, 10}});
   draw([&] { show(texture); }, 4);
@@ -52,7 +52,7 @@ TEST_F(TextureTest, aNewUploadIsSeenAlthoughTheFramesListsAreTheSame) {
   EXPECT_EQ(pixelAt(draw([&] { show(texture); }, 1), 10, 10), 0xC8C8C8u);
 }
 
-TEST_F(TextureTest, movesAndEmpties) {
+TEST_F(GlObjectsTest, aTextureMovesAndEmpties) {
   Texture a;
   a.upload(GreyImage{2, 1, {7, 9}});
   const ImTextureID id = a.id();

@@ -76,8 +76,8 @@ const Fault kFaults[] = {
      "rules[4].clips: has 4 entries; 0 to 3 are allowed"},
 };
 
-class FieldFault : public testing::TestWithParam<Fault> {};
-TEST_P(FieldFault, isNamed) {
+class FieldCheck : public testing::TestWithParam<Fault> {};
+TEST_P(FieldCheck, namesTheFault) {
   FieldSpec spec = forearm();
   ASSERT_TRUE(checkField(spec).ok());
   GetParam().plant(spec);
@@ -87,7 +87,7 @@ TEST_P(FieldFault, isNamed) {
   EXPECT_EQ(status.error().message, GetParam().message);
   EXPECT_FALSE(Field::make(spec).ok());
 }
-INSTANTIATE_TEST_SUITE_P(Checks, FieldFault, testing::ValuesIn(kFaults),
+INSTANTIATE_TEST_SUITE_P(Checks, FieldCheck, testing::ValuesIn(kFaults),
                          [](const auto& test) { return test.param.name; });
 
 }  // namespace

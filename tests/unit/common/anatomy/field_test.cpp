@@ -78,7 +78,7 @@ TEST(FieldDistance, blendsByTheQuadraticSmoothMinimum) {
   EXPECT_NEAR(field.distance(1, mm(-10, 0, -50)), -6e-3, 1e-15) << "far from the other: not changed";
 }
 
-TEST(FieldRules, theFirstThatHoldsDecidesAndTheRestIsTheRest) {
+TEST(Field, theFirstRuleThatHoldsDecidesAndTheRestIsTheRest) {
   FieldSpec spec = slab();
   spec.structures.push_back(structure("bone", true));
   spec.groups.push_back({"bone", {ball(mm(0, 0, -10), 4)}});
@@ -93,7 +93,7 @@ TEST(FieldRules, theFirstThatHoldsDecidesAndTheRestIsTheRest) {
   EXPECT_EQ(structureAt(field, mm(20, 0, -30)), "muscle");
 }
 
-TEST(FieldRules, aClipConfinesARule) {
+TEST(Field, aClipConfinesARule) {
   FieldSpec spec = slab();
   spec.groups.push_back({"front", {halfSpace({}, {1, 0, 0})}});
   spec.rules[1].clips = {{"front", -5e-3, 0}};

@@ -57,7 +57,7 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> openEdges(const SurfaceMesh
   return open;
 }
 
-TEST(SurfaceNet, ofABallIsOnTheBallAndItsTrianglesAreNearlySo) {
+TEST(SurfaceNets, ofABallAreOnTheBallAndTheirTrianglesNearlySo) {
   const Field field = oneTissue(ball(mm(3, -2, 1), 20));
   for (const double cell_mm : {4.0, 2.0, 1.0}) {
     const double h = cell_mm * 1e-3, radius_m = 0.02;
@@ -79,7 +79,7 @@ TEST(SurfaceNet, ofABallIsOnTheBallAndItsTrianglesAreNearlySo) {
   }
 }
 
-TEST(SurfaceNet, isClosedAndHasTheVolumeOfTheFormula) {
+TEST(SurfaceNets, areClosedAndHaveTheVolumeOfTheFormula) {
   const double cell_m = 1e-3;
   struct Case {
     Field field;
@@ -97,7 +97,7 @@ TEST(SurfaceNet, isClosedAndHasTheVolumeOfTheFormula) {
   }
 }
 
-TEST(SurfaceNet, ofAForearmsStructuresIsClosedAndHasTheirVolume) {
+TEST(SurfaceNets, ofAForearmsStructuresAreClosedAndHaveTheirVolume) {
   const Field field = fieldOf(forearm());
   Random random(11);
   const FieldBox box = field.boxAround(kWholeBody);
@@ -128,7 +128,7 @@ TEST(SurfaceNet, ofAForearmsStructuresIsClosedAndHasTheirVolume) {
   }
 }
 
-TEST(SurfaceNet, ofSeveralStructuresHasNoBoundaryBetweenThem) {
+TEST(SurfaceNets, ofSeveralStructuresHaveNoBoundaryBetweenThem) {
   const Field field = shellAndCore();
   const auto volume = [&](StructureMask mask) { return volumeOf(surfaceNet(field, mask, {.cell_m = 1e-3})); };
   const double whole_m3 = 4 * kPi / 3 * 27e-6, core_m3 = 4 * kPi / 3 * 15.625e-6;
@@ -137,7 +137,7 @@ TEST(SurfaceNet, ofSeveralStructuresHasNoBoundaryBetweenThem) {
   EXPECT_NEAR(volume(maskOf(0)), whole_m3 - core_m3, 0.006 * whole_m3) << "a hollow shell";
 }
 
-TEST(SurfaceNet, endsOpenOnlyWhereItsBoxCutsIt) {
+TEST(SurfaceNets, endOpenOnlyWhereTheirBoxCutsThem) {
   const Field field = oneTissue(halfSpace({}, {0, 0, 1}));
   const double cell_m = 2e-3, half_m = 0.02;
   const SurfaceMesh mesh =
@@ -152,7 +152,7 @@ TEST(SurfaceNet, endsOpenOnlyWhereItsBoxCutsIt) {
     }
 }
 
-TEST(SurfaceNet, hasAboutAsManyTrianglesAsTheCellWasChosenFor) {
+TEST(SurfaceNets, haveAboutAsManyTrianglesAsTheCellWasChosenFor) {
   const Field field = oneTissue(ball({}, 20));
   const double area_m2 = 4 * kPi * 4e-4;
   for (const std::size_t wanted : {std::size_t{2'000}, std::size_t{20'000}}) {
@@ -162,7 +162,7 @@ TEST(SurfaceNet, hasAboutAsManyTrianglesAsTheCellWasChosenFor) {
   }
 }
 
-TEST(SurfaceNet, growsItsCellsWhereItsMemoryWouldNotHoldThem) {
+TEST(SurfaceNets, growTheirCellsWhereTheirMemoryWouldNotHoldThem) {
   // 40 × 40 × 20 mm under the top of a large ball, 32 million cells: their area grows by (32/16.8)^(2/3)
   const Vec3 half = mm(20, 20, 20), top = mm(0, 0, 400);
   const SurfaceMesh mesh =

@@ -29,7 +29,7 @@ TEST(EndProgramDeathTest, writesOutWhatWaitsAndLeavesTheLibrariesAsTheyAre) {
   EXPECT_EXIT(endBesideALibrary(), testing::ExitedWithCode(kExitInvalid), "the summary and its last line");
 }
 
-TEST(MachineText, namesCoresAndSystemOnOneLine) {
+TEST(Program, theMachinesTextNamesCoresAndSystemOnOneLine) {
   const std::string text = machineText();
   EXPECT_THAT(text, testing::HasSubstr("Linux "));
   EXPECT_THAT(text, testing::ContainsRegex(", [0-9]+ cores, "));

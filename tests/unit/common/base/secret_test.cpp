@@ -42,7 +42,7 @@ Limits afterwards(const rlimit& before) {
   return limits;
 }
 
-TEST(KeepOutOfCoreDumps, setsTheCoreLimitToOneByte) {
+TEST(Secret, setsTheCoreLimitToOneByte) {
   rlimit own{};
   ASSERT_EQ(::getrlimit(RLIMIT_CORE, &own), 0);
   ASSERT_GE(own.rlim_max, 1u) << "these tests want a hard limit for core files above 0: ulimit -Hc";
@@ -54,7 +54,7 @@ TEST(KeepOutOfCoreDumps, setsTheCoreLimitToOneByte) {
   }
 }
 
-TEST(KeepOutOfCoreDumps, makesTheProgramUndumpableIfTheHardLimitIsZero) {
+TEST(Secret, makesTheProgramUndumpableIfTheHardLimitIsZero) {
   const Limits limits = afterwards({0, 0});
   EXPECT_EQ(limits.soft, 0u);
   EXPECT_EQ(limits.hard, 0u);

@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-TEST(SpscRing, keepsOrderAndRefusesWhenFull) {
+TEST(WaitFree, theRingKeepsOrderAndRefusesWhenFull) {
   SpscRing<int, 4> ring;
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(ring.push(i));
   EXPECT_FALSE(ring.push(99));
@@ -22,7 +22,7 @@ TEST(SpscRing, keepsOrderAndRefusesWhenFull) {
   EXPECT_EQ(item, 3) << "an empty ring leaves the item alone";
 }
 
-TEST(SpscRing, everyCapacityOfItIsUsedAlsoAfterWrapping) {
+TEST(WaitFree, everyCapacityOfTheRingIsUsedAlsoAfterWrapping) {
   SpscRing<int, 8> ring;
   int item = 0;
   for (int start = 0; start < 20; ++start) {
@@ -37,7 +37,7 @@ TEST(SpscRing, everyCapacityOfItIsUsedAlsoAfterWrapping) {
   }
 }
 
-TEST(SpscRing, twoThreadsSeeEachItemOnceWholeAndInOrder) {
+TEST(WaitFree, twoThreadsSeeEachItemOfTheRingOnceWholeAndInOrder) {
   struct Item {
     std::uint64_t number, square, inverse;
   };
@@ -63,7 +63,7 @@ TEST(SpscRing, twoThreadsSeeEachItemOnceWholeAndInOrder) {
   EXPECT_EQ(torn, 0u);
 }
 
-TEST(SpscRing, acceptedAndDroppedAddUpToOffered) {
+TEST(WaitFree, theRingsAcceptedAndDroppedAddUpToOffered) {
   constexpr std::uint64_t kItems = 50'000;
   SpscRing<std::uint64_t, 16> ring;
   std::atomic<bool> done{false};

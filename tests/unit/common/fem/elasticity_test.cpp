@@ -41,7 +41,7 @@ std::vector<std::int32_t> allFree(const TetMesh& mesh) {
   return index;
 }
 
-TEST(TetElements, gridOfCellsFillsItsVolume) {
+TEST(Elasticity, gridOfCellsFillsItsVolume) {
   const GridMesh grid = crookedBlock(3);
   double volume = 0;
   for (const TetNodes& e : grid.mesh().element) {
@@ -54,7 +54,7 @@ TEST(TetElements, gridOfCellsFillsItsVolume) {
   EXPECT_EQ(grid.mesh().node_m.size(), 7u * 7u * 7u);
 }
 
-TEST(TetElements, patchTest) {
+TEST(Elasticity, patchTest) {
   for (const double poisson : {0.0, 0.3, 0.49}) {
     const GridMesh grid = crookedBlock(7);
     const TetMesh& mesh = grid.mesh();
@@ -79,7 +79,7 @@ TEST(TetElements, patchTest) {
   }
 }
 
-TEST(TetElements, exactlySixRigidModesCostNothing) {
+TEST(Elasticity, exactlySixRigidModesCostNothing) {
   const GridMesh grid(
       {1, 1, 1},
       [](int i, int j, int k) {
@@ -110,7 +110,7 @@ TEST(TetElements, exactlySixRigidModesCostNothing) {
 }
 
 // a bar pulled at its ends, with free sides
-TEST(TetElements, pulledBarStretchesByYoungAndNarrowsByPoisson) {
+TEST(Elasticity, pulledBarStretchesByYoungAndNarrowsByPoisson) {
   constexpr double kPoisson = 0.37, kWidth = 0.01, kLength = 0.04, kStretch = 1e-4;
   const GridMesh grid(
       {2, 2, 5},

@@ -37,7 +37,7 @@ double randolphWroth() {
          std::log(2.5 * kLength_m * (1 - kBlockPoisson) / kNeedleRadius_m);
 }
 
-TEST(NeedleCompliance, shaftIsAsStiffAsRandolphAndWrothSay) {
+TEST(NeedleMesh, shaftIsAsStiffAsRandolphAndWrothSay) {
   EXPECT_NEAR(randolphWroth(), 102, 0.6);
   const auto compliance = complianceOf(factsScene(), 10'000, 20);
   const double stiffness = stiffnessOf(*compliance);
@@ -91,14 +91,14 @@ double offFromMindlin(int nodes) {
   return std::sqrt(off / all);
 }
 
-TEST(NeedleCompliance, aLineLoadMovesTheHalfSpaceAsInMindlinsSolution) {
+TEST(NeedleMesh, aLineLoadMovesTheHalfSpaceAsInMindlinsSolution) {
   const double coarse = offFromMindlin(2000), fine = offFromMindlin(16'000);
   EXPECT_LT(fine, 0.02) << coarse;
   EXPECT_LT(fine, 0.5 * coarse);
   RecordProperty("off", fmt::format("{:.4f}, {:.4f}", coarse, fine));
 }
 
-TEST(NeedleCompliance, changesLittleBetweenTheTwoFinestMeshes) {
+TEST(NeedleMesh, complianceChangesLittleBetweenTheTwoFinestMeshes) {
   const SceneSpec scene = factsScene();
   const int fine = longForm() ? 30'000 : 12'000, coarser = longForm() ? 10'000 : 5000;
   FemNeedle needle[2];
@@ -117,7 +117,7 @@ TEST(NeedleCompliance, changesLittleBetweenTheTwoFinestMeshes) {
         << "tip at " << depth;
 }
 
-TEST(NeedleCompliance, isSymmetricAndPositiveDefinite) {
+TEST(NeedleMesh, complianceIsSymmetricAndPositiveDefinite) {
   // including more stations than the mesh can resolve
   for (const int stations : {1, 10, 60}) {
     const auto compliance = complianceOf(factsScene(), 1000, stations);
@@ -130,14 +130,14 @@ TEST(NeedleCompliance, isSymmetricAndPositiveDefinite) {
   }
 }
 
-TEST(NeedleCompliance, scalesWithTheInverseOfYoung) {
+TEST(NeedleMesh, complianceScalesWithTheInverseOfYoung) {
   const auto soft = complianceOf(softBlock(5e3, 0.45, 0.03), 1000, 10);
   const auto hard = complianceOf(softBlock(50e3, 0.45, 0.03), 1000, 10);
   EXPECT_LT((10 * matrixOf(*hard) - matrixOf(*soft)).cwiseAbs().maxCoeff(),
             1e-9 * matrixOf(*soft).maxCoeff());
 }
 
-TEST(NeedleCompliance, ofTwoLayersLiesBetweenTheirs) {
+TEST(NeedleMesh, complianceOfTwoLayersLiesBetweenTheirs) {
   SceneSpec scene = softBlock(5e3, 0.45, 0.03);
   scene.layers[0].thickness_m = 0.015;
   scene.layers.push_back(scene.layers[0]);
@@ -152,7 +152,7 @@ TEST(NeedleCompliance, ofTwoLayersLiesBetweenTheirs) {
   EXPECT_NEAR(layered->give(10, 10) / hard->give(10, 10), 1.0, 0.12);
 }
 
-TEST(NeedleCompliance, farBoundaryHardlyMatters) {
+TEST(NeedleMesh, farBoundaryHardlyMatters) {
   const SceneSpec scene = factsScene();
   NeedleMeshOptions options;
   options.nodes = 10'000;
@@ -163,7 +163,7 @@ TEST(NeedleCompliance, farBoundaryHardlyMatters) {
   EXPECT_NEAR(stiffnessOf(**near) / stiffnessOf(**far), 1.0, 0.02);
 }
 
-TEST(NeedleCompliance, loadIsSpreadOverTheWholeSurfaceOfAStation) {
+TEST(NeedleMesh, loadIsSpreadOverTheWholeSurfaceOfAStation) {
   NeedleBoxSpec spec;
   spec.length_m = 0.02;
   spec.radius_m = kNeedleRadius_m;
@@ -190,7 +190,7 @@ TEST(NeedleCompliance, loadIsSpreadOverTheWholeSurfaceOfAStation) {
   }
 }
 
-TEST(NeedleCompliance, everyLayerHasCells) {
+TEST(NeedleMesh, everyLayerHasCells) {
   SceneSpec scene = softBlock(5e3, 0.45, 0.06);
   scene.layers.assign(8, scene.layers[0]);
   scene.fem.layers.assign(8, scene.fem.layers[0]);
@@ -203,7 +203,7 @@ TEST(NeedleCompliance, everyLayerHasCells) {
   EXPECT_GT(stiffnessOf(*fine), 0.0);
 }
 
-TEST(NeedleCompliance, strainedShareGrowsWithTheForce) {
+TEST(NeedleMesh, strainedShareGrowsWithTheForce) {
   SceneSpec scene = softBlock(10e3, 0.45, 0.04, 0, 1e-4);
   EXPECT_EQ(complianceOf(scene, 1000, 20)->strained_share, 0.0);
   scene.fem.layers[0].cutting_N = 0.5;
@@ -214,7 +214,7 @@ TEST(NeedleCompliance, strainedShareGrowsWithTheForce) {
   EXPECT_GT(more, some);
 }
 
-TEST(NeedleCompliance, refusesUnmeshableInputByName) {
+TEST(NeedleMesh, refusesUnmeshableInputByName) {
   const auto wordsFor = [](const SceneSpec& scene, NeedleMeshOptions options = {}) {
     const auto compliance = precomputeCompliance(scene, options);
     EXPECT_FALSE(compliance.ok());

@@ -79,7 +79,7 @@ TEST(ForceTable, needsAMeshAndRows) {
   EXPECT_FALSE(forceTable(scene, 0.03).ok());
 }
 
-TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
+TEST(NeedleStudy, errorsAreToTheFinestMeshAndFall) {
   const SceneSpec scene = twoLayers();
   int told = 0;
   const auto rows = meshStudy(scene, {{500, 30}, {1500, 30}, {4000, 30}}, [&](const MeshRow&) { ++told; });
@@ -98,7 +98,7 @@ TEST(MeshStudy, errorsAreToTheFinestMeshAndFall) {
 }
 
 // the load is spread over a length, so more stations refine it: the paper's layers, as stiff as its walls
-TEST(MeshStudy, moreStationsConvergeAtTheSameStiffness) {
+TEST(NeedleStudy, moreStationsConvergeAtTheSameStiffness) {
   const auto fem = femLikeForLike(paperSixLayers());
   ASSERT_TRUE(fem.ok()) << fem.error().message;
   const auto rows = meshStudy(fem->spec, {{4000, 15}, {4000, 30}, {4000, 60}, {4000, 90}, {4000, 128}});
@@ -165,7 +165,7 @@ TEST(MeshLimits, changesThatDoNotFallHaveNoLimit) {
   EXPECT_TRUE(converges({1000, 10'000, 20'000}, {1, 0.2}));
 }
 
-TEST(MeshStudy, aFinerMeshApproachesThePredictedLimit) {
+TEST(NeedleStudy, aFinerMeshApproachesThePredictedLimit) {
   const auto rows = meshStudy(twoLayers(), {{1000, 30}, {2000, 30}, {4000, 30}, {8000, 30}});
   ASSERT_TRUE(rows.ok()) << rows.error().message;
   for (std::size_t m = 0; m < 2; ++m) EXPECT_FALSE((*rows)[m].force_limit_N);
@@ -213,7 +213,7 @@ TEST(ScaleToTipStiffness, theTipMeetsItAtTheSkinAndLayerRatiosStay) {
   EXPECT_FALSE(scaleToTipStiffness(scene, 0).ok());
 }
 
-TEST(MeshStudy, theFirstCutIsWhereTheTissueHasGivenWay) {
+TEST(NeedleStudy, theFirstCutIsWhereTheTissueHasGivenWay) {
   const MeshRow row = onOneMesh(cutsAt(0.25));
   ASSERT_TRUE(row.first_cut_m);
   EXPECT_NEAR(*row.first_cut_m, 0.25 * row.stroke_m, 0.01 * row.stroke_m);
@@ -222,7 +222,7 @@ TEST(MeshStudy, theFirstCutIsWhereTheTissueHasGivenWay) {
 }
 
 // a scene can be so soft that 2 % of compliance decide whether a mesh cuts at all
-TEST(MeshStudy, aStrokeOnTheVergeOfCuttingIsMarked) {
+TEST(NeedleStudy, aStrokeOnTheVergeOfCuttingIsMarked) {
   const MeshRow late = onOneMesh(cutsAt(0.98)), never = onOneMesh(cutsAt(1.02));
   ASSERT_TRUE(late.first_cut_m);
   EXPECT_NE(cutRemark(late).find("the tip first cuts at 37.2 mm of a stroke of 38 mm"), std::string::npos)
@@ -233,7 +233,7 @@ TEST(MeshStudy, aStrokeOnTheVergeOfCuttingIsMarked) {
       << cutRemark(never);
 }
 
-TEST(MeshStudy, theWorkOfAStrokeIsThatOfTheCut) {
+TEST(NeedleStudy, theWorkOfAStrokeIsThatOfTheCut) {
   const SceneSpec scene = cutsAt(0.05);
   const MeshRow row = onOneMesh(scene);
   SceneSpec with_mesh = scene;
@@ -244,7 +244,7 @@ TEST(MeshStudy, theWorkOfAStrokeIsThatOfTheCut) {
   EXPECT_NEAR(onOneMesh(cutsAt(1.1)).work_J, 0, 1e-3 * 0.6 * row.stroke_m);
 }
 
-TEST(MeshStudy, oneSolveIsTimedManyTimes) {
+TEST(NeedleStudy, oneSolveIsTimedManyTimes) {
   const MeshRow row = onOneMesh(cutsAt(0.25));
   EXPECT_TRUE(row.one_solve.solves == 1000 || row.one_solve.all_s >= 0.5) << row.one_solve.solves;
   // in three of the five runs, half of the solves took at least p50

@@ -35,7 +35,7 @@ void expectSameAnswer(const Bytes& chunk) {
   ASSERT_EQ(checked->last_tick, samples->back().tick);
 }
 
-TEST(RefusedChunk, everyKindOfFaultIsRefusedThoughTheCrcIsRight) {
+TEST(Refused, everyKindOfFaultIsRefusedThoughTheCrcIsRight) {
   const auto chunks = test::namedChunks(kFolder / "refused.tsv");
   EXPECT_GE(chunks.size(), 23u);
   for (const auto& [kind, chunk] : chunks) {
@@ -50,7 +50,7 @@ TEST(RefusedChunk, everyKindOfFaultIsRefusedThoughTheCrcIsRight) {
   }
 }
 
-TEST(RefusedChunk, strangeChunksAreReadAsTheyStand) {
+TEST(Refused, strangeChunksAreReadAsTheyStand) {
   std::map<std::string, std::vector<GestureSample>> read;
   for (const auto& [kind, chunk] : test::namedChunks(kFolder / "accepted.tsv")) {
     SCOPED_TRACE(kind);
@@ -73,7 +73,7 @@ TEST(RefusedChunk, strangeChunksAreReadAsTheyStand) {
   EXPECT_EQ(read.at("values of phase and fault without a name")[0].fault, 255);
 }
 
-TEST(RefusedChunk, theCheckAgreesWithTheDecoderOnChangedChunks) {
+TEST(Refused, theCheckAgreesWithTheDecoderOnChangedChunks) {
   std::mt19937_64 random(21);
   const Bytes chunks[] = {encodeChunk(Resolution::standard(), smoothGesture(100)),
                           encodeChunk(Resolution::lossless(), anySamples(40, 5)),
@@ -95,7 +95,7 @@ TEST(RefusedChunk, theCheckAgreesWithTheDecoderOnChangedChunks) {
   EXPECT_LT(refused, 27'000u);
 }
 
-TEST(RefusedChunk, onlyAChunkOfOurVersionWithARightCrcIsSealed) {
+TEST(Refused, onlyAChunkOfOurVersionWithARightCrcIsSealed) {
   const Bytes good = encodeChunk(Resolution::standard(), smoothGesture(70));
   EXPECT_EQ(sealedSamples(good), 70u);
   Bytes newer = good;

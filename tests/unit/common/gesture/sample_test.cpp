@@ -7,13 +7,13 @@
 namespace needlelab {
 namespace {
 
-TEST(Resolution, standardAndLosslessAreValid) {
+TEST(Sample, standardAndLosslessResolutionsAreValid) {
   EXPECT_TRUE(validate(Resolution::standard()).ok());
   EXPECT_TRUE(validate(Resolution::lossless()).ok());
   EXPECT_EQ(Resolution::standard().quaternion * 32768, 1.0);
 }
 
-TEST(Resolution, badStepIsNamedWithItsValueAndRange) {
+TEST(Sample, aBadStepOfItsResolutionIsNamedWithValueAndRange) {
   Resolution r;
   for (const double bad : {-1e-6, 1.5, 1e-13, std::numeric_limits<double>::quiet_NaN(),
                            std::numeric_limits<double>::infinity()}) {

@@ -34,13 +34,13 @@ double worstEnergy(LimbKind limb, ClampingMode mode, int gestures) {
   return worst;
 }
 
-TEST(RandomEnergy, passiveSceneGivesTheHandNothing) {
+TEST(Energy, passiveSceneGivesTheHandNothing) {
   const int gestures = longForm() ? 1000 : 50;  // on each of four limbs
   for (const LimbKind limb : kLimbKinds)
     EXPECT_LE(worstEnergy(limb, ClampingMode::kConservative, gestures), 5e-5) << limbName(limb);
 }
 
-TEST(RandomEnergy, clampingAloneIsPassiveToo) {
+TEST(Energy, clampingAloneIsPassiveToo) {
   const int gestures = longForm() ? 1000 : 25;
   for (const double f_max_N : {0.5, 4.0}) {
     SceneSpec scene =
@@ -55,7 +55,7 @@ TEST(RandomEnergy, clampingAloneIsPassiveToo) {
   }
 }
 
-TEST(RandomEnergy, orientationLimitAloneIsPassive) {
+TEST(Energy, orientationLimitAloneIsPassive) {
   const SceneSpec scene = withEffects(allEffects(), bitOf(Effect::kOrientationLimit));
   for (int i = 0; i < 25; ++i) {
     const Motion motion =
@@ -66,7 +66,7 @@ TEST(RandomEnergy, orientationLimitAloneIsPassive) {
 }
 
 // outside declared releases no force step beyond ΣK·|Δp|/c, ΣK = K_t + K_f + k + k1 + 2·k2·z
-TEST(RandomEnergy, noForceStepWithoutADeclaredRelease) {
+TEST(Energy, noForceStepWithoutADeclaredRelease) {
   const int gestures = longForm() ? 500 : 15;
   for (const LimbKind limb : {LimbKind::kPlane, LimbKind::kSphere}) {
     const SceneSpec scene = withClamping(withLimb(allEffects(), limb), ClampingMode::kConservative);

@@ -32,7 +32,7 @@ SceneSpec facing(SceneSpec scene, const Site& site) {
   return scene;
 }
 
-TEST(PaperOneDof, oneNewtonInAndHalfANewtonOutInEveryDirection) {
+TEST(EnginePaper, oneNewtonInAndHalfANewtonOutInEveryDirection) {
   for (const Vec3 inward : inwardDirections()) {
     const Site site = siteFacing(inward);
     Probe probe(facing(paperOneDof(), site), 1000, site);
@@ -53,7 +53,7 @@ TEST(PaperOneDof, oneNewtonInAndHalfANewtonOutInEveryDirection) {
   }
 }
 
-TEST(PaperOneDof, obliqueInsertionGivesTheSameForcesAlongTheTrajectory) {
+TEST(EnginePaper, obliqueInsertionGivesTheSameForcesAlongTheTrajectory) {
   for (const double tangent : {0.3, 1.0, 2.0}) {
     const Site site = defaultSite();
     const Vec3 axis = tilted(site.inward, tangent, site.across_2);
@@ -70,7 +70,7 @@ TEST(PaperOneDof, obliqueInsertionGivesTheSameForcesAlongTheTrajectory) {
   }
 }
 
-TEST(PaperStop, forceFallsLinearlyToTheRejectionForceInTheGivenTime) {
+TEST(EnginePaper, forceFallsLinearlyToTheRejectionForceInTheGivenTime) {
   for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
     const SceneSpec scene = paperOneDof();  // 1 N, rejection 0.1 N, 0.8 s
     const int n = static_cast<int>(0.8 * rate_hz);
@@ -94,7 +94,7 @@ TEST(PaperStop, forceFallsLinearlyToTheRejectionForceInTheGivenTime) {
   }
 }
 
-TEST(PaperStop, insertingAgainAfterAStopGoesBackToTheFullCuttingForce) {
+TEST(EnginePaper, insertingAgainAfterAStopGoesBackToTheFullCuttingForce) {
   Probe probe(paperOneDof(), 1000);
   probe.at(-0.001);
   probe.go(700, 0.02);
@@ -105,7 +105,7 @@ TEST(PaperStop, insertingAgainAfterAStopGoesBackToTheFullCuttingForce) {
   EXPECT_NEAR(probe.last().cutting_N, -1.0, 1e-9);
 }
 
-TEST(PaperSixLayers, everyLayerHasItsForceAndWithdrawalFourTenths) {
+TEST(EnginePaper, everyLayerHasItsForceAndWithdrawalFourTenths) {
   static constexpr std::array<double, 6> kForce_N = {1, 2, 1.5, 2.5, 3, 4};
   for (const Vec3 inward : inwardDirections()) {
     const Site site = siteFacing(inward);
@@ -134,7 +134,7 @@ TEST(PaperSixLayers, everyLayerHasItsForceAndWithdrawalFourTenths) {
 }
 
 // paper: "the force response is almost instantaneous when this goes from 2N to 1.5N"
-TEST(PaperSixLayers, fromTwoToOneAndAHalfNewtonInOneTick) {
+TEST(EnginePaper, fromTwoToOneAndAHalfNewtonInOneTick) {
   Probe probe(paperSixLayers(), 1000);
   probe.at(-0.001);
   const auto reports = probe.go(1000, 0.0165);
@@ -149,7 +149,7 @@ TEST(PaperSixLayers, fromTwoToOneAndAHalfNewtonInOneTick) {
   EXPECT_TRUE(seen);
 }
 
-TEST(PaperSixLayers, elsewhereTheForceFollowsTheSpringWithoutAJump) {
+TEST(EnginePaper, elsewhereTheForceFollowsTheSpringWithoutAJump) {
   Probe probe(paperSixLayers(), 1000);
   probe.at(-0.001);
   auto reports = probe.go(800, 0.038);

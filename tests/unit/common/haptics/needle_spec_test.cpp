@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-TEST(Needle, gaugesHaveTheirMetricSizes) {
+TEST(NeedleSpec, gaugesHaveTheirMetricSizes) {
   EXPECT_EQ(gaugeDiameter_m(10), 0.0034);
   EXPECT_EQ(gaugeDiameter_m(16), 0.0016);
   EXPECT_EQ(gaugeDiameter_m(18), 0.0012);
@@ -19,7 +19,7 @@ TEST(Needle, gaugesHaveTheirMetricSizes) {
   for (const int none : {-1, 0, 9, 35, 1000}) EXPECT_EQ(gaugeDiameter_m(none), 0);
 }
 
-TEST(Needle, aThickerGaugeHasASmallerNumberAndNoDiameterFitsTwo) {
+TEST(NeedleSpec, aThickerGaugeHasASmallerNumberAndNoDiameterFitsTwo) {
   for (int gauge = kThickestGauge; gauge < kThinnestGauge; ++gauge) {
     const double thick = gaugeDiameter_m(gauge), thin = gaugeDiameter_m(gauge + 1);
     EXPECT_GT(thick, thin) << gauge;
@@ -27,7 +27,7 @@ TEST(Needle, aThickerGaugeHasASmallerNumberAndNoDiameterFitsTwo) {
   }
 }
 
-TEST(Needle, theOpeningIsHalfABevelBehindTheTip) {
+TEST(NeedleSpec, theOpeningIsHalfABevelBehindTheTip) {
   const NeedleSpec needle{0.05, 0.0007, NeedleTip::kHypodermic, 0.2};
   // the ellipse that the bevel cuts out of the tube is d/tan β long along the axis; its centre is at half of
   // that
@@ -35,14 +35,14 @@ TEST(Needle, theOpeningIsHalfABevelBehindTheTip) {
   EXPECT_NEAR(openingBehindTip_m(needle), 0.00035 * std::cos(0.2) / std::sin(0.2), 1e-12);
 }
 
-TEST(Needle, aPencilPointOpensBehindItsCone) {
+TEST(NeedleSpec, aPencilPointOpensBehindItsCone) {
   const NeedleSpec needle{0.09, 0.0005, NeedleTip::kPencilPoint, 0.2};
   const double cone = 0.00025 * std::cos(0.2) / std::sin(0.2);
   EXPECT_NEAR(bevelLength_m(needle), cone, 1e-12);
   EXPECT_NEAR(openingBehindTip_m(needle), cone + 0.0005, 1e-12);
 }
 
-TEST(Needle, everyTipHasAUsualAngle) {
+TEST(NeedleSpec, everyTipHasAUsualAngle) {
   for (const auto tip :
        {NeedleTip::kHypodermic, NeedleTip::kQuincke, NeedleTip::kTuohy, NeedleTip::kPencilPoint}) {
     const NeedleSpec needle{0.05, 0.0007, tip, 0};
@@ -55,7 +55,7 @@ TEST(Needle, everyTipHasAUsualAngle) {
   EXPECT_NEAR(openingBehindTip_m({0.05, 0.0007, NeedleTip::kHypodermic, 0}), 1.8006e-3, 1e-6);
 }
 
-TEST(Needle, whatIsNotKnownPlacesTheOpeningAtTheTip) {
+TEST(NeedleSpec, whatIsNotKnownPlacesTheOpeningAtTheTip) {
   EXPECT_EQ(openingBehindTip_m({}), 0);
   EXPECT_EQ(openingBehindTip_m({0.05, 0.0007, NeedleTip::kUnknown, 0}), 0);
   EXPECT_EQ(openingBehindTip_m({0.05, 0, NeedleTip::kTuohy, 0.3}), 0);

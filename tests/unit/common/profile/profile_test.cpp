@@ -43,7 +43,7 @@ nlohmann::json withCamelKeys(const nlohmann::json& tree) {
   return object;
 }
 
-TEST(ParseProfile, readsEveryFieldAsWritten) {
+TEST(Profile, readsEveryFieldAsWritten) {
   const pb::Profile profile = good();
   EXPECT_EQ(profile.id(), "shoulder-adult");
   EXPECT_EQ(profile.axial_model(), pb::Profile::ENHANCED_TRACKING_WALL);
@@ -62,7 +62,7 @@ TEST(ParseProfile, readsEveryFieldAsWritten) {
   EXPECT_EQ(profile.description(), "For tests.\nTwo lines, and Größe in UTF-8.");
 }
 
-TEST(ParseProfile, camelCaseMeansTheSame) {
+TEST(Profile, camelCaseMeansTheSame) {
   const std::string camel = withCamelKeys(nlohmann::json::parse(kGoodProfile)).dump();
   ASSERT_THAT(camel, HasSubstr("\"lateralStiffnessNPerM2\""));
   const auto profile = parseProfile(camel, "camel.json");
@@ -70,7 +70,7 @@ TEST(ParseProfile, camelCaseMeansTheSame) {
   EXPECT_EQ(profileJson(*profile), profileJson(good()));
 }
 
-TEST(ParseProfile, optionalSectionsMayBeOmitted) {
+TEST(Profile, optionalSectionsMayBeOmitted) {
   nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
   for (const char* key : {"axial_model", "virtual_fixture", "orientation_limit", "shaft_friction",
                           "max_force_n", "targets", "hazards", "description", "sources"}) {
@@ -139,7 +139,7 @@ TEST(LoadProfile, namesTheFile) {
   std::filesystem::remove_all(folder);
 }
 
-TEST(ParseProfile, randomDamageNeverCrashesAndWhatPassesIsSound) {
+TEST(Profile, randomDamageNeverCrashesAndWhatPassesIsSound) {
   std::mt19937_64 random(20261101);
   const std::string alphabet = "{}[]\",:.-+eE0123456789 \\u\n\x7f\xff" + std::string(1, '\0');
   int passed = 0;

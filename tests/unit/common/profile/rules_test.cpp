@@ -207,12 +207,12 @@ const std::pair<std::string, const char*> kWrongTexts[] = {
 };
 // clang-format on
 
-TEST(WrongProfiles, theUnchangedOneIsRight) {
+TEST(ProfileRules, theUnchangedProfileIsRight) {
   const auto profile = parseProfile(kGoodProfile, "good.json");
   ASSERT_TRUE(profile.ok()) << profile.error().message;
 }
 
-TEST(WrongProfiles, eachIsRefusedWithFileFieldAndRange) {
+TEST(ProfileRules, eachWrongProfileIsRefusedWithFileFieldAndRange) {
   EXPECT_GE(std::size(kWrongProfiles) + std::size(kWrongTexts), 80u);
   for (const WrongField& wrong : kWrongProfiles) {
     SCOPED_TRACE(std::string(wrong.pointer) + " = " + wrong.value);
@@ -224,7 +224,7 @@ TEST(WrongProfiles, eachIsRefusedWithFileFieldAndRange) {
   }
 }
 
-TEST(WrongProfiles, brokenTextsAreRefusedByPlace) {
+TEST(ProfileRules, brokenTextsAreRefusedByPlace) {
   for (const auto& [text, expected] : kWrongTexts) {
     SCOPED_TRACE(text.substr(0, 80));
     const auto profile = parseProfile(text, "p.json");
@@ -236,7 +236,7 @@ TEST(WrongProfiles, brokenTextsAreRefusedByPlace) {
   }
 }
 
-TEST(WrongProfiles, tooManyLayersAreRefusedBeforeTheyAreRead) {
+TEST(ProfileRules, tooManyLayersAreRefusedBeforeTheyAreRead) {
   nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
   const auto layer = tree["layers"][1];
   while (tree["layers"].size() < 32) tree["layers"].push_back(layer);
@@ -247,7 +247,7 @@ TEST(WrongProfiles, tooManyLayersAreRefusedBeforeTheyAreRead) {
   EXPECT_THAT(profile.error().message, HasSubstr("layers: has 33 items, allowed are 0 to 32"));
 }
 
-TEST(WrongProfiles, manyTargetsAndHazardsAreRefused) {
+TEST(ProfileRules, manyTargetsAndHazardsAreRefused) {
   for (const auto& [list, most] : {std::pair{"targets", 32}, std::pair{"hazards", 64}}) {
     nlohmann::json tree = nlohmann::json::parse(kGoodProfile);
     nlohmann::json item = tree[list][0];

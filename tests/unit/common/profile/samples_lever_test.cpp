@@ -56,7 +56,7 @@ std::string rowOf(const std::string& file) {
 }
 
 // the tools of BRINGUP.md: that of `--calibrate --device simulated`, and the stand-in's
-TEST(SamplesWithTools, patientsAreNotRefusedWithTheToolsThatWeShow) {
+TEST(SamplesLever, patientsAreNotRefusedWithTheToolsThatWeShow) {
   for (const Vec3 tip_m : {Vec3{0.012, -0.008, 0.142}, Vec3{0.004, -0.003, 0.135}}) {
     // the needle points along the line from handle to tip
     const double lever_m = norm(tip_m);
@@ -71,7 +71,7 @@ TEST(SamplesWithTools, patientsAreNotRefusedWithTheToolsThatWeShow) {
   }
 }
 
-TEST(SamplesWithTools, theTableIsWhatADesktopHolds) {
+TEST(SamplesLever, theTableIsWhatADesktopHolds) {
   const auto text = readWholeFile(kLeverSamples / "README.md");
   ASSERT_TRUE(text.ok());
   std::set<std::string> files;

@@ -204,7 +204,7 @@ void expectTheSame(const Sample& sample, const Outcome& of, const Outcome& at_10
   }
 }
 
-TEST(StopsOfSamples, aStrokeCostsTheSameAtAnySpeedWithAndWithoutRests) {
+TEST(Stops, aStrokeCostsTheSameAtAnySpeedWithAndWithoutRests) {
   std::size_t probed = 0;
   for (const Sample& sample : samplesWithAWall())
     for (const bool rests : {false, true}) {
@@ -217,7 +217,7 @@ TEST(StopsOfSamples, aStrokeCostsTheSameAtAnySpeedWithAndWithoutRests) {
   EXPECT_GE(probed, 20u) << "a check of nothing";
 }
 
-TEST(StopsOfSamples, tremorHidesNoTissue) {
+TEST(Stops, tremorHidesNoTissue) {
   for (const Sample& sample : samplesWithAWall()) {
     const Outcome at_10 = strokesAt(sample, 0.01, true);
     for (const double frequency_hz : {4.0, 7.0, 12.0})
@@ -228,7 +228,7 @@ TEST(StopsOfSamples, tremorHidesNoTissue) {
 }
 
 // the values that a score reads: continuing slowly after a rest cannot lower them
-TEST(StopsOfSamples, forcesAfterARestDoNotDependOnTheSpeed) {
+TEST(Stops, forcesAfterARestDoNotDependOnTheSpeed) {
   for (const Sample& sample : samplesWithAWall()) {
     std::array<double, 2> peak_N{};
     std::array<std::vector<double>, 2> mean_N;

@@ -9,14 +9,14 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-TEST(ShallowJson, keepsInputUpTo64Levels) {
+TEST(StrictJson, keepsInputUpTo64Levels) {
   const std::string text = R"({"b":[1,2.5,"x",null,true],"a":{"deep":[[[{"k":[]}]]]}})";
   EXPECT_EQ(readShallowJson<Json>(text).dump(), text);
   const std::string deep = std::string(64, '[') + "7" + std::string(64, ']');
   EXPECT_EQ(readShallowJson<Json>(deep).dump(), deep);
 }
 
-TEST(ShallowJson, omitsDeeperLevelsSoWritingNeedsNoStack) {
+TEST(StrictJson, omitsDeeperLevelsSoWritingNeedsNoStack) {
   constexpr std::size_t kLevels = 400'000;
   std::string objects;
   for (std::size_t i = 0; i < kLevels; ++i) objects += R"({"a":)";
@@ -28,7 +28,7 @@ TEST(ShallowJson, omitsDeeperLevelsSoWritingNeedsNoStack) {
   }
 }
 
-TEST(ShallowJson, isDiscardedWhenTheTextIsInvalid) {
+TEST(StrictJson, isDiscardedWhenTheTextIsInvalid) {
   for (const char* text : {"", "{", "[1,]", "nul", "{} x", "[[[["})
     EXPECT_TRUE(readShallowJson<Json>(text).is_discarded()) << text;
   EXPECT_TRUE(readShallowJson<Json>(std::string(400'000, '[')).is_discarded());

@@ -52,7 +52,7 @@ std::string envelopeOf(const pb::LiveFrame& frame) {
   return envelope.SerializeAsString();
 }
 
-TEST(LiveSplice, aSplicedFrameIsTheOneThatProtobufWouldWrite) {
+TEST(LiveFrames, aSplicedFrameIsTheOneThatProtobufWouldWrite) {
   std::mt19937_64 random(seed());
   for (int i = 0; i < 20'000; ++i) {
     const pb::LiveFrame frame = anyFrame(random);
@@ -64,7 +64,7 @@ TEST(LiveSplice, aSplicedFrameIsTheOneThatProtobufWouldWrite) {
   }
 }
 
-TEST(LiveSplice, splicedFramesMatchProtobufForAnyBytes) {
+TEST(LiveFrames, splicedFramesMatchProtobufForAnyBytes) {
   std::mt19937_64 random(seed());
   int taken = 0;
   for (int i = 0; i < 100'000; ++i) {
@@ -98,7 +98,7 @@ TEST(LiveSplice, splicedFramesMatchProtobufForAnyBytes) {
   EXPECT_GT(taken, 1000) << "the test has hardly met a frame that is taken";
 }
 
-TEST(LiveSplice, whatIsNotPlainIsLeftToTheParser) {
+TEST(LiveFrames, whatIsNotPlainIsLeftToTheParser) {
   pb::LiveFrame frame;
   frame.set_data("abc");
   const std::string plain = envelopeOf(frame);
@@ -119,7 +119,7 @@ TEST(LiveSplice, whatIsNotPlainIsLeftToTheParser) {
     EXPECT_FALSE(viewLiveFrame(viewOf(plain.substr(0, length)))) << "cut after " << length;
 }
 
-TEST(LiveSplice, anOversizedFrameIsDropped) {
+TEST(LiveFrames, anOversizedFrameIsDropped) {
   const std::string data(kMaxFrameBytes, 'x');
   LiveFrameView frame;
   frame.data = data;

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-class BackupRotation : public testing::Test {
+class OldBackupsTest : public testing::Test {
  protected:
   /// A file with the first bytes of such a backup.
   fs::path backup(const std::string& name) const { return folder.write(name, test::startOfBackup(name)); }
@@ -29,7 +29,7 @@ class BackupRotation : public testing::Test {
   const test::TempFolder folder;
 };
 
-TEST_F(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
+TEST_F(OldBackupsTest, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
   const auto now = backup("needlelab-20260105T023000Z.db");
   for (const char* name : {"needlelab-20260103T023000Z.db", "needlelab-20260104T023000Z.db",
                            "needlelab-20300101T023000Z.db", "needlelab-20300102T023000Z.db"})
@@ -46,7 +46,7 @@ TEST_F(BackupRotation, namesFromAClockThatWasAheadNeverCostTheNewBackup) {
   EXPECT_TRUE(fs::exists(at("needlelab-20300101T023000Z.db")));
 }
 
-TEST_F(BackupRotation, countsBothKinds) {
+TEST_F(OldBackupsTest, countsBothKinds) {
   const auto now = backup("needlelab-20260105T023000Z.nlbk");
   for (const char* name :
        {"needlelab-20260101T023000Z.nlbk", "needlelab-20260102T023000Z.db", "needlelab-20260103T023000Z.nlbk",
@@ -61,7 +61,7 @@ TEST_F(BackupRotation, countsBothKinds) {
   EXPECT_EQ(backupName(1'767'321'000'000'000'000, kEncryptedEnding), "needlelab-20260102T023000Z.nlbk");
 }
 
-TEST_F(BackupRotation, whatABackupWritesIsCounted) {
+TEST_F(OldBackupsTest, whatABackupWritesIsCounted) {
   test::TestDb db;
   auto reader = db.reader();
   const auto key = BackupKey::make(at("key"));
@@ -75,7 +75,7 @@ TEST_F(BackupRotation, whatABackupWritesIsCounted) {
   EXPECT_EQ(old->remainingText(), "");
 }
 
-TEST_F(BackupRotation, filesWithOnlyABackupsNameAreIgnoredAndStay) {
+TEST_F(OldBackupsTest, filesWithOnlyABackupsNameAreIgnoredAndStay) {
   const auto now = backup("needlelab-20260105T023000Z.db");
   const std::vector<fs::path> real = {backup("needlelab-20260101T023000Z.db"),
                                       backup("needlelab-20260102T023000Z.nlbk")};
@@ -99,7 +99,7 @@ TEST_F(BackupRotation, filesWithOnlyABackupsNameAreIgnoredAndStay) {
   for (const auto& path : fakes) EXPECT_TRUE(fs::exists(path)) << path;
 }
 
-TEST_F(BackupRotation, filesOfAnotherUserAreNeitherCountedNorRemoved) {
+TEST_F(OldBackupsTest, filesOfAnotherUserAreNeitherCountedNorRemoved) {
   const auto now = backup("needlelab-20260105T023000Z.db");
   const auto old = backup("needlelab-20260101T023000Z.db"),
              partial = folder.write("needlelab-20260102T023000Z.db.partial", "x");
@@ -115,7 +115,7 @@ TEST_F(BackupRotation, filesOfAnotherUserAreNeitherCountedNorRemoved) {
       << "no one knows whose";
 }
 
-TEST_F(BackupRotation, oneThatCannotBeRemovedIsNamedAndTheOthersGo) {
+TEST_F(OldBackupsTest, oneThatCannotBeRemovedIsNamedAndTheOthersGo) {
   const auto now = backup("needlelab-20260105T023000Z.db");
   std::vector<fs::path> old;
   for (const char* name : {"needlelab-20260101T023000Z.db", "needlelab-20260102T023000Z.db",
@@ -139,7 +139,7 @@ TEST_F(BackupRotation, oneThatCannotBeRemovedIsNamedAndTheOthersGo) {
   for (const auto& path : old) EXPECT_EQ(fs::exists(path), path == old[0] || path == old[2]) << path;
 }
 
-TEST_F(BackupRotation, aLinkIsNoUnfinishedCopy) {
+TEST_F(OldBackupsTest, aLinkIsNoUnfinishedCopy) {
   const auto copy = folder.write("needlelab-20260101T023000Z.nlbk.partial", "x");
   fs::create_symlink(folder.write("thesis", "x"), at("needlelab-20260102T023000Z.db.partial"));
   fs::create_directory(at("needlelab-20260103T023000Z.db.partial"));
@@ -148,7 +148,7 @@ TEST_F(BackupRotation, aLinkIsNoUnfinishedCopy) {
   EXPECT_EQ(partialsIn(at("none"), fs::file_time_type::max()), std::vector<fs::path>());
 }
 
-TEST_F(BackupRotation, unfinishedCopiesOfADayBeforeGoWithTheOldBackups) {
+TEST_F(OldBackupsTest, unfinishedCopiesOfADayBeforeGoWithTheOldBackups) {
   const auto now = backup("needlelab-20260105T023000Z.db");
   std::vector<fs::path> left;
   for (const char* name :

@@ -13,7 +13,7 @@ namespace {
 using testing::HasSubstr;
 
 /// The lab's database, and another into which its backup was restored.
-class RestoredBackups : public testing::Test {
+class RestoredBackupTest : public testing::Test {
  protected:
   void SetUp() override {
     for (test::TestDb* db : {&live, &restored}) ASSERT_OK(MetaStore(db->writer).set(kLabKey, "lab-1"));
@@ -52,7 +52,7 @@ class RestoredBackups : public testing::Test {
   const Uuid id = makeUuidV7();
 };
 
-TEST_F(RestoredBackups, anOpenSessionsLastChunkIsNotSafe) {
+TEST_F(RestoredBackupTest, anOpenSessionsLastChunkIsNotSafe) {
   EXPECT_EQ(safeAfter(), 4u);
   put(live, 8);
   EXPECT_EQ(safeAfter(), 4u) << "what came after the backup is not in it";
@@ -60,19 +60,19 @@ TEST_F(RestoredBackups, anOpenSessionsLastChunkIsNotSafe) {
   EXPECT_EQ(safeAfter(), 7u);
 }
 
-TEST_F(RestoredBackups, aSessionThatWasClosedAfterTheBackupIsNotWhollySafe) {
+TEST_F(RestoredBackupTest, aSessionThatWasClosedAfterTheBackupIsNotWhollySafe) {
   close(live, 5);
   EXPECT_EQ(safeAfter(), 4u);
   close(restored, 5);
   EXPECT_EQ(safeAfter(), 5u);
 }
 
-TEST_F(RestoredBackups, aBackupThatHasMoreThanTheLabCoversWhatBothHave) {
+TEST_F(RestoredBackupTest, aBackupThatHasMoreThanTheLabCoversWhatBothHave) {
   put(restored, 9);
   EXPECT_EQ(safeAfter(), 5u);
 }
 
-TEST_F(RestoredBackups, anOlderBackupDoesNotLowerTheWatermark) {
+TEST_F(RestoredBackupTest, anOlderBackupDoesNotLowerTheWatermark) {
   put(restored, 8);
   put(live, 8);
   EXPECT_EQ(safeAfter(), 7u);
@@ -87,7 +87,7 @@ TEST_F(RestoredBackups, anOlderBackupDoesNotLowerTheWatermark) {
   EXPECT_EQ(*SessionStore(live.writer).safeSeqs(id), 7u);
 }
 
-TEST_F(RestoredBackups, aChunkThatDiffersMakesNothingSafe) {
+TEST_F(RestoredBackupTest, aChunkThatDiffersMakesNothingSafe) {
   // consistent in itself, but different from the lab's
   const Uuid other = makeUuidV7();
   for (test::TestDb* db : {&live, &restored}) {
@@ -100,12 +100,12 @@ TEST_F(RestoredBackups, aChunkThatDiffersMakesNothingSafe) {
                 "session " + uuidText(other) + ": chunk 0 of the restored database is not the lab's");
 }
 
-TEST_F(RestoredBackups, aChunkThatIsDamagedThereMakesNothingSafe) {
+TEST_F(RestoredBackupTest, aChunkThatIsDamagedThereMakesNothingSafe) {
   ASSERT_OK(restored.writer.run("UPDATE chunks SET crc = crc + 1 WHERE seq = 2"));
   expectRefused(ErrorCode::kCorrupt, "fails the check");
 }
 
-TEST_F(RestoredBackups, aSessionErasedFromTheLabCoversNothing) {
+TEST_F(RestoredBackupTest, aSessionErasedFromTheLabCoversNothing) {
   const Uuid erased = makeUuidV7();
   SessionStore store(restored.writer);
   ASSERT_OK(store.open(test::describe(erased), 1));
@@ -117,7 +117,7 @@ TEST_F(RestoredBackups, aSessionErasedFromTheLabCoversNothing) {
   EXPECT_EQ(compared->result.chunks_verified, 8u);
 }
 
-TEST_F(RestoredBackups, theLabsOwnDatabaseIsNoBackup) {
+TEST_F(RestoredBackupTest, theLabsOwnDatabaseIsNoBackup) {
   Connection here = live.reader(), there = live.reader();
   const auto compared = compareRestored(here, there);
   ASSERT_FALSE(compared.ok());
@@ -125,12 +125,12 @@ TEST_F(RestoredBackups, theLabsOwnDatabaseIsNoBackup) {
   EXPECT_THAT(compared.error().message, HasSubstr("the lab's own database"));
 }
 
-TEST_F(RestoredBackups, anotherLabsBackupIsRefused) {
+TEST_F(RestoredBackupTest, anotherLabsBackupIsRefused) {
   ASSERT_OK(MetaStore(restored.writer).set(kLabKey, "lab-2"));
   expectRefused(ErrorCode::kInvalidInput, "belongs to the lab 'lab-2', this one is 'lab-1'");
 }
 
-TEST_F(RestoredBackups, theBackupsAgeIsThatOfItsContents) {
+TEST_F(RestoredBackupTest, theBackupsAgeIsThatOfItsContents) {
   const auto at = [&](std::int64_t unix_ns, std::int64_t now_unix_ns) {
     EXPECT_OK(AuditStore(restored.writer).add({0, unix_ns, "ada", "log in", "", ""}));
     const auto compared = compare();
@@ -145,7 +145,7 @@ TEST_F(RestoredBackups, theBackupsAgeIsThatOfItsContents) {
   EXPECT_EQ(at(6'000, 6'000), "9000") << "an older one does not hide a newer one";
 }
 
-TEST_F(RestoredBackups, itCanBeGivenUp) {
+TEST_F(RestoredBackupTest, itCanBeGivenUp) {
   const std::atomic<bool> cancelled = true;
   Connection here = live.reader(), there = restored.reader();
   const auto compared = compareRestored(here, there, &cancelled);

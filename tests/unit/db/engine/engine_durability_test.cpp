@@ -5,7 +5,7 @@
 namespace needlelab::test {
 namespace {
 
-TEST(Durability, followsFromPostgresSettings) {
+TEST(EngineDurability, followsFromPostgresSettings) {
   struct Case {
     PostgresSettings settings;
     Durability expected;

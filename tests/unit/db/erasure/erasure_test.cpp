@@ -23,7 +23,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-class ErasureStoreTest : public test::ErasureTest {
+class ErasureTest : public test::ErasureTest {
  protected:
   /// All bytes of the files of the database's folder.
   std::string bytesOfFolder() {
@@ -36,7 +36,7 @@ class ErasureStoreTest : public test::ErasureTest {
   }
 };
 
-TEST_F(ErasureStoreTest, theNamesGoAndTheIdStays) {
+TEST_F(ErasureTest, theNamesGoAndTheIdStays) {
   const Uuid id = session("anna", 5, true), other = session("ben", 3, true);
   ASSERT_OK(ScoreStore(db.writer).put(test::scoreOf(id, "[1]")));
   ASSERT_OK(AnnotationStore(db.writer).add({0, id, 1, "holds still", ben, 1}));
@@ -65,7 +65,7 @@ TEST_F(ErasureStoreTest, theNamesGoAndTheIdStays) {
 }
 
 // SQLite leaves behind what it moves within a page; 400 names, some of which were added, removed and changed.
-TEST_F(ErasureStoreTest, noByteOfAnErasedNameIsLeftInTheFiles) {
+TEST_F(ErasureTest, noByteOfAnErasedNameIsLeftInTheFiles) {
   if (test::onPostgres()) return;  // deploy/FACULTY.md describes what remains there, and for how long
   PeopleStore people(db.writer);
   std::vector<std::string> refs(400);
@@ -89,7 +89,7 @@ TEST_F(ErasureStoreTest, noByteOfAnErasedNameIsLeftInTheFiles) {
   EXPECT_NE(bytes.find("ben"), std::string::npos);
 }
 
-TEST_F(ErasureStoreTest, whatOnlyAnAccountHasGoes) {
+TEST_F(ErasureTest, whatOnlyAnAccountHasGoes) {
   pb::Group group;
   group.set_id("a");
   group.set_name("a");
@@ -108,7 +108,7 @@ TEST_F(ErasureStoreTest, whatOnlyAnAccountHasGoes) {
   EXPECT_EQ(row.integer(1), 1);
 }
 
-TEST_F(ErasureStoreTest, sessionsStayWithoutANameWhereTheLabKeepsThem) {
+TEST_F(ErasureTest, sessionsStayWithoutANameWhereTheLabKeepsThem) {
   ASSERT_OK(LabSettingsStore(db.writer).setKeepsRecordingsOfErased(true));
   const std::string outer = **outerRef(db.writer, anna);
   const Uuid kept = session("anna", 3, true);
@@ -131,7 +131,7 @@ TEST_F(ErasureStoreTest, sessionsStayWithoutANameWhereTheLabKeepsThem) {
   EXPECT_EQ(erase(ben)->sessions(), 1u);
 }
 
-TEST_F(ErasureStoreTest, anIdIsNeverUsedAgain) {
+TEST_F(ErasureTest, anIdIsNeverUsedAgain) {
   ASSERT_OK(erase(ben));
   std::string next;
   ASSERT_OK(PeopleStore(db.writer).add({"ben", pb::TRAINEE, "", false, 1}, &next));
@@ -139,7 +139,7 @@ TEST_F(ErasureStoreTest, anIdIsNeverUsedAgain) {
   EXPECT_EQ(nameOf(next), "ben");
 }
 
-TEST_F(ErasureStoreTest, aLateSessionUnderATypedNameWaitsDespiteANamesake) {
+TEST_F(ErasureTest, aLateSessionUnderATypedNameWaitsDespiteANamesake) {
   ASSERT_OK(erase(anna));
   std::string namesake;
   ASSERT_OK(PeopleStore(db.writer).add({"Anna", pb::TRAINEE, "", false, 1}, &namesake));
@@ -166,7 +166,7 @@ TEST_F(ErasureStoreTest, aLateSessionUnderATypedNameWaitsDespiteANamesake) {
   EXPECT_EQ(traineeOf(long_after), namesake);
 }
 
-TEST_F(ErasureStoreTest, aLateSessionUnderAnErasedIdStaysEmpty) {
+TEST_F(ErasureTest, aLateSessionUnderAnErasedIdStaysEmpty) {
   const std::string outer = **outerRef(db.writer, anna);
   ASSERT_OK(erase(anna));
   const Uuid id = makeUuidV7();
@@ -180,7 +180,7 @@ TEST_F(ErasureStoreTest, aLateSessionUnderAnErasedIdStaysEmpty) {
   EXPECT_EQ(SessionStore(db.writer).info(id)->samples(), 0u);
 }
 
-TEST_F(ErasureStoreTest, anIdsSessionWaitsForTheCodeLikeANames) {
+TEST_F(ErasureTest, anIdsSessionWaitsForTheCodeLikeANames) {
   const std::string outer = **outerRef(db.writer, anna);
   const auto opened = [&](bool checked) {
     const Uuid id = makeUuidV7();
@@ -197,7 +197,7 @@ TEST_F(ErasureStoreTest, anIdsSessionWaitsForTheCodeLikeANames) {
   EXPECT_FALSE(waits(opened(true)));
 }
 
-TEST_F(ErasureStoreTest, anUnknownIdsSessionWaitsOrIsErasedAfterARestore) {
+TEST_F(ErasureTest, anUnknownIdsSessionWaitsOrIsErasedAfterARestore) {
   const Uuid unknown = makeUuidV7(), gone = makeUuidV7();
   const auto lab = parseUuid(**MetaStore(db.writer).get(kLabKey));
   const std::vector<ErasureLine> lines{{*lab, gone, 5}};
@@ -217,7 +217,7 @@ TEST_F(ErasureStoreTest, anUnknownIdsSessionWaitsOrIsErasedAfterARestore) {
   EXPECT_THAT(nameOf(traineeOf(erased)), testing::StartsWith("erased person "));
 }
 
-TEST_F(ErasureStoreTest, sessionsThatWaitForACodeStayUnlessTheyAreWanted) {
+TEST_F(ErasureTest, sessionsThatWaitForACodeStayUnlessTheyAreWanted) {
   ASSERT_OK(LabSettingsStore(db.writer).setCodesRequired(true));
   const Uuid waiting = session("anna", 2, true);
   EXPECT_TRUE(waits(waiting));
@@ -232,7 +232,7 @@ TEST_F(ErasureStoreTest, sessionsThatWaitForACodeStayUnlessTheyAreWanted) {
   EXPECT_EQ(SessionStore(db.writer).info(of_ben)->removed_original().fate(), pb::RemovedOriginal::DELETED);
 }
 
-TEST_F(ErasureStoreTest, aMisspeltNameGoesWithThePersonWhoseSessionsItHas) {
+TEST_F(ErasureTest, aMisspeltNameGoesWithThePersonWhoseSessionsItHas) {
   const Uuid misspelt = session("Anna Ostlund", 1, true), shared = session("somebody", 1, true),
              of_ben = session("somebody", 1, true);
   UnknownTraineeStore waiting(db.writer);
@@ -245,7 +245,7 @@ TEST_F(ErasureStoreTest, aMisspeltNameGoesWithThePersonWhoseSessionsItHas) {
   EXPECT_THAT(all, HasSubstr("somebody")) << "it names ben's session, too";
 }
 
-TEST_F(ErasureStoreTest, theErasureListErasesPeopleInARestoredBackupAgain) {
+TEST_F(ErasureTest, theErasureListErasesPeopleInARestoredBackupAgain) {
   const auto line = ErasureStore(db.writer).lineOf(anna, 7);
   ASSERT_OK(line);
   const std::vector<ErasureLine> lines{*line,
@@ -260,14 +260,14 @@ TEST_F(ErasureStoreTest, theErasureListErasesPeopleInARestoredBackupAgain) {
   EXPECT_EQ(*ErasureStore(db.writer).repeat(lines, kNow_ns), 0u) << "once";
 }
 
-TEST_F(ErasureStoreTest, theLastAdministratorStays) {
+TEST_F(ErasureTest, theLastAdministratorStays) {
   std::string ada;
   ASSERT_OK(PeopleStore(db.writer).add({"ada", pb::ADMINISTRATOR, "$hash", false, 1}, &ada));
   EXPECT_EQ(erase(ada).error().code, ErrorCode::kDenied);
   EXPECT_EQ(nameOf(ada), "ada");
 }
 
-TEST_F(ErasureStoreTest, openSessionsAreNamed) {
+TEST_F(ErasureTest, openSessionsAreNamed) {
   const Uuid open = session("anna", 1, false);
   session("anna", 1, true);
   EXPECT_THAT(*ErasureStore(db.writer).openSessions(anna),

@@ -80,7 +80,7 @@ TEST(Password, anUnknownNameIsAsMuchWorkAsAWrongPassword) {
   }
 }
 
-TEST(Code, isHashedAsAPasswordButMayBeShort) {
+TEST(Credentials, aCodeIsHashedAsAPasswordButMayBeShort) {
   const auto hash = hashCode("2468");
   ASSERT_TRUE(hash.ok()) << hash.error().message;
   EXPECT_EQ(hash->rfind("$argon2id$", 0), 0u) << *hash;
@@ -91,7 +91,7 @@ TEST(Code, isHashedAsAPasswordButMayBeShort) {
   EXPECT_TRUE(hashCode("A b 1").ok());
 }
 
-TEST(Code, whatIsNoCodeIsNotHashed) {
+TEST(Credentials, whatIsNoCodeIsNotHashed) {
   for (const std::string& wrong : {std::string("123"), std::string("12\n45")}) {
     const auto refused = hashCode(wrong);
     ASSERT_FALSE(refused.ok());
@@ -99,7 +99,7 @@ TEST(Code, whatIsNoCodeIsNotHashed) {
   }
 }
 
-TEST(Code, aMadeOneIsSixDigitsWithAllFirstDigits) {
+TEST(Credentials, aMadeCodeIsSixDigitsWithAllFirstDigits) {
   std::set<char> first;
   for (int i = 0; i < 1000; ++i) {
     const std::string pin = makePin();

@@ -5,7 +5,7 @@
 namespace needlelab {
 namespace {
 
-TEST(PeopleStore, returnsWhatWasAdded) {
+TEST(People, returnsWhatWasAdded) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"zoe", pb::TRAINEE, "", false, 7}));
@@ -21,7 +21,7 @@ TEST(PeopleStore, returnsWhatWasAdded) {
   EXPECT_FALSE(people.find("nobody")->has_value());
 }
 
-TEST(PeopleStore, refusesTwiceTheSameNameAndWrongFields) {
+TEST(People, refusesTwiceTheSameNameAndWrongFields) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"anna", pb::TRAINEE, "", false, 1}));
@@ -39,7 +39,7 @@ TEST(PeopleStore, refusesTwiceTheSameNameAndWrongFields) {
   EXPECT_EQ(people.list()->size(), 2u);
 }
 
-TEST(PeopleStore, noOneIsAddedUnderTheServersName) {
+TEST(People, noOneIsAddedUnderTheServersName) {
   test::TestDb db;
   PeopleStore people(db.writer);
   for (const char* name : {"server", "Server", "SERVER"}) {
@@ -52,7 +52,7 @@ TEST(PeopleStore, noOneIsAddedUnderTheServersName) {
   EXPECT_EQ(people.list()->size(), 1u);
 }
 
-TEST(PeopleStore, aBidirectionalFullNameIsRefusedButOldOnesAreTolerated) {
+TEST(People, aBidirectionalFullNameIsRefusedButOldOnesAreTolerated) {
   test::TestDb db;
   PeopleStore people(db.writer);
   const std::string turned = "Tom \u202eegroeG", hebrew = "אברהם בן־דוד";
@@ -72,7 +72,7 @@ TEST(PeopleStore, aBidirectionalFullNameIsRefusedButOldOnesAreTolerated) {
   EXPECT_OK(people.change("tom", {}, {.full_name = "Tom George"}, "root", 3));
 }
 
-TEST(PeopleStore, setsPasswordsAndDisables) {
+TEST(People, setsPasswordsAndDisables) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"anna", pb::TRAINEE, "", false, 1}));
@@ -86,7 +86,7 @@ TEST(PeopleStore, setsPasswordsAndDisables) {
   EXPECT_EQ(people.setDisabled("nobody", true).error().code, ErrorCode::kNotFound);
 }
 
-TEST(PeopleStore, setsAndRemovesCodesNextToThePassword) {
+TEST(People, setsAndRemovesCodesNextToThePassword) {
   test::TestDb db;
   PeopleStore people(db.writer);
   Person anna{"anna", pb::TRAINEE, "h", false, 1};
@@ -104,7 +104,7 @@ TEST(PeopleStore, setsAndRemovesCodesNextToThePassword) {
   EXPECT_EQ(people.setCodeHash("nobody", "c").error().code, ErrorCode::kNotFound);
 }
 
-TEST(PeopleStore, theLastAdministratorWhoCanLogInStays) {
+TEST(People, theLastAdministratorWhoCanLogInStays) {
   test::TestDb db;
   PeopleStore people(db.writer);
   ASSERT_OK(people.add({"a", pb::ADMINISTRATOR, "h", false, 1}));

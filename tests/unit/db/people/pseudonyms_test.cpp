@@ -11,7 +11,7 @@
 namespace needlelab {
 namespace {
 
-TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {
+TEST(Pseudonyms, areStableWithinAStudyAndTellNothingAcross) {
   const test::TempFolder folder;
   const auto key = PseudonymKey::ofFolder(folder.path());
   ASSERT_OK(key);
@@ -29,7 +29,7 @@ TEST(Pseudonym, isStableWithinAStudyAndTellsNothingAcross) {
   EXPECT_EQ(PseudonymKey::ofFolder(folder.path()).error().code, ErrorCode::kCorrupt);
 }
 
-TEST(Pseudonym, aNameIsReplacedAsAWordOnly) {
+TEST(Pseudonyms, aNameIsReplacedAsAWordOnly) {
   EXPECT_EQ(withoutName("anna, Anna and annabel; susanna", "anna", "", "X"), "X, X and annabel; susanna");
   EXPECT_EQ(withoutName("Dr. Berg and Li", "b1", "Anna Berg Li", "X"), "Dr. X and Li")
       << "two letters may be any word";
@@ -40,7 +40,7 @@ TEST(Pseudonym, aNameIsReplacedAsAWordOnly) {
   EXPECT_EQ(withoutName("ananas anna", "ana", "", "X"), "ananas anna");
 }
 
-TEST(Pseudonym, punctuationOfEveryScriptEndsAName) {
+TEST(Pseudonyms, punctuationOfEveryScriptEndsAName) {
   for (const char* neighbour :
        {"\u201c", "\u201d", "\u201e", "\u2019", "\u2014", "\u2026", "\u00a0", "\u00ab", "\u00bb", "\u3001",
         "\u3002", "\uff0c", "\u200b", "\U0001f600", "手", "가"}) {
@@ -60,7 +60,7 @@ TEST(Pseudonym, punctuationOfEveryScriptEndsAName) {
       << "bytes that are not UTF-8 are not letters";
 }
 
-TEST(Pseudonym, aNameInAScriptWithoutSpacesIsReplacedEverywhere) {
+TEST(Pseudonyms, aNameInAScriptWithoutSpacesIsReplacedEverywhere) {
   EXPECT_EQ(withoutName("李雷手抖了", "李雷", "", "X"), "X手抖了");
   EXPECT_EQ(withoutName("今天李雷手抖了", "李雷", "", "X"), "今天X手抖了");
   EXPECT_EQ(withoutName("با آناو", "آنا", "", "X"), "با Xو");

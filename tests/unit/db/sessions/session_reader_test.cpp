@@ -15,7 +15,7 @@ using test::chunkOf;
 using test::closeOf;
 using test::describe;
 
-class StoredSessionTest : public testing::Test {
+class SessionReaderTest : public testing::Test {
  protected:
   Uuid add(const std::string& trainee, std::int64_t started, std::uint64_t chunks) {
     const Uuid id = makeUuidV7();
@@ -30,7 +30,7 @@ class StoredSessionTest : public testing::Test {
   SessionStore store{db.writer};
 };
 
-TEST_F(StoredSessionTest, theDescriptionComesBackWhole) {
+TEST_F(SessionReaderTest, theDescriptionComesBackWhole) {
   const Uuid id = makeUuidV7();
   auto d = describe(id);
   for (const double number : {0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0}) d.add_placement(number);
@@ -42,7 +42,7 @@ TEST_F(StoredSessionTest, theDescriptionComesBackWhole) {
   EXPECT_EQ(stored.SerializeAsString(), d.SerializeAsString());
 }
 
-TEST_F(StoredSessionTest, listsNewestFirstAndFilters) {
+TEST_F(SessionReaderTest, listsNewestFirstAndFilters) {
   const Uuid old = add("anna", 100, 1);
   const Uuid newest = add("ben", 300, 0);
   const Uuid middle = add("anna", 200, 2);
@@ -73,7 +73,7 @@ TEST_F(StoredSessionTest, listsNewestFirstAndFilters) {
   EXPECT_TRUE(store.list(of_exercise)->empty());
 }
 
-TEST_F(StoredSessionTest, readsChunksFromASeqWithinItsLimits) {
+TEST_F(SessionReaderTest, readsChunksFromASeqWithinItsLimits) {
   const Uuid id = add("anna", 100, 10);
   const auto some = store.readChunks(id, 4, 3, 1 << 20);
   ASSERT_OK(some);
@@ -89,7 +89,7 @@ TEST_F(StoredSessionTest, readsChunksFromASeqWithinItsLimits) {
   EXPECT_EQ(store.readChunks(makeUuidV7(), 0, 1, 1).error().code, ErrorCode::kNotFound);
 }
 
-TEST_F(StoredSessionTest, verifyFindsASoundSessionSound) {
+TEST_F(SessionReaderTest, verifyFindsASoundSessionSound) {
   const Uuid id = add("anna", 100, 5);
   EXPECT_TRUE(store.verify(id)->ok);
   ASSERT_OK(store.close(closeOf(id, 5), 1));
@@ -101,7 +101,7 @@ TEST_F(StoredSessionTest, verifyFindsASoundSessionSound) {
   EXPECT_EQ(textOf(check->hash), closeOf(id, 5).hash());
 }
 
-TEST_F(StoredSessionTest, everyKindOfDamageIsFoundByVerify) {
+TEST_F(SessionReaderTest, everyKindOfDamageIsFoundByVerify) {
   const std::string damages[] = {
       "UPDATE chunks SET bytes = " + test::byteReplacedSql(31, "a7") + " WHERE seq = 2",
       "UPDATE chunks SET crc = crc + 1 WHERE seq = 2",
@@ -128,7 +128,7 @@ TEST_F(StoredSessionTest, everyKindOfDamageIsFoundByVerify) {
   EXPECT_TRUE(store.verify(id)->ok);
 }
 
-TEST_F(StoredSessionTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions) {
+TEST_F(SessionReaderTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions) {
   const std::string of_open[] = {
       "UPDATE session_progress SET chunks = chunks - 1",
       "UPDATE session_progress SET chunks = chunks + 1",
@@ -156,7 +156,7 @@ TEST_F(StoredSessionTest, wrongCountersAreFoundByVerifyInOpenAndInClosedSessions
   each(of_closed);
 }
 
-TEST_F(StoredSessionTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
+TEST_F(SessionReaderTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
   add("anna", 100, 4);
   auto rows = db.writer.prepare("SELECT crc, bytes FROM chunks ORDER BY seq");
   std::set<std::int64_t> seen;
@@ -168,7 +168,7 @@ TEST_F(StoredSessionTest, theStationsCrcIsKeptAndDiffersFromChunkToChunk) {
   EXPECT_EQ(seen.size(), 4u);
 }
 
-TEST_F(StoredSessionTest, aDamagedChunkIsNeverHandedOut) {
+TEST_F(SessionReaderTest, aDamagedChunkIsNeverHandedOut) {
   const Uuid id = add("anna", 100, 3);
   ASSERT_OK(
       db.writer.script("UPDATE chunks SET bytes = " + test::byteReplacedSql(31, "ff") + " WHERE seq = 1"));

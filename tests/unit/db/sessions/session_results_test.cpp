@@ -57,7 +57,7 @@ Uuid closedSession(test::TestDb& db) {
   return id;
 }
 
-TEST(EventStore, returnsEventsInOrder) {
+TEST(SessionResults, eventsComeBackInOrder) {
   test::TestDb db;
   const Uuid id = closedSession(db);
   EventStore store(db.writer);
@@ -77,7 +77,7 @@ TEST(EventStore, returnsEventsInOrder) {
     EXPECT_TRUE(MessageDifferencer::Equals((**list)[i], events[i])) << (**list)[i].DebugString();
 }
 
-TEST(EventStore, noneIsAnAnswerToo) {
+TEST(SessionResults, noneIsAnAnswerToo) {
   test::TestDb db;
   const Uuid id = closedSession(db);
   ASSERT_OK(EventStore(db.writer).put(id, {}));
@@ -87,7 +87,7 @@ TEST(EventStore, noneIsAnAnswerToo) {
   EXPECT_TRUE((*list)->empty());
 }
 
-TEST(EventStore, whatWasPutOnceStays) {
+TEST(SessionResults, whatWasPutOnceStays) {
   test::TestDb db;
   const Uuid id = closedSession(db);
   EventStore store(db.writer);
@@ -97,7 +97,7 @@ TEST(EventStore, whatWasPutOnceStays) {
   EXPECT_EQ((*store.list(id))->size(), 1u);
 }
 
-TEST(EventStore, wantsAClosedSession) {
+TEST(SessionResults, eventsWantAClosedSession) {
   test::TestDb db;
   EventStore store(db.writer);
   EXPECT_EQ(store.put(makeUuidV7(), {}).error().code, ErrorCode::kNotFound);
@@ -108,7 +108,7 @@ TEST(EventStore, wantsAClosedSession) {
   EXPECT_FALSE(store.list(id)->has_value());
 }
 
-TEST(EventStore, theDatabaseRefusesInvalidRows) {
+TEST(SessionResults, theDatabaseRefusesInvalidRows) {
   test::TestDb db;
   const Uuid id = closedSession(db);
   auto event = anEvent(pb::SyringeEvent::INJECTION, 5);

@@ -15,7 +15,7 @@ Connection fresh(const test::TempFolder& folder, const std::string& name = "a.db
       Connection::open(folder.path() / name, {.mode = Connection::Mode::kWriter, .create = true}));
 }
 
-TEST(Migrate, aNewFileGetsTheNewestSchemaAndOurMark) {
+TEST(Schema, aNewFileGetsTheNewestSchemaAndOurMark) {
   const test::TempFolder folder;
   auto connection = fresh(folder);
   EXPECT_EQ(*schemaVersion(connection), 0);
@@ -28,7 +28,7 @@ TEST(Migrate, aNewFileGetsTheNewestSchemaAndOurMark) {
   ASSERT_OK(migrate(connection));
 }
 
-TEST(Migrate, theSchemaIsStrictThroughout) {
+TEST(Schema, theSchemaIsStrictThroughout) {
   test::TestDb db;
   auto rows = db.writer.prepare(
       "SELECT name FROM pragma_table_list WHERE schema = 'main' AND type = 'table' AND NOT strict"
@@ -36,7 +36,7 @@ TEST(Migrate, theSchemaIsStrictThroughout) {
   EXPECT_FALSE(*rows.step()) << rows.text(0);
 }
 
-TEST(Migrate, aNewerSchemaIsRefusedByName) {
+TEST(Schema, aNewerSchemaIsRefusedByName) {
   test::TestDb db;
   ASSERT_OK(db.writer.script("PRAGMA user_version=999"));
   for (const Status& refused : {migrate(db.writer), requireNewestSchema(db.writer)}) {
@@ -48,7 +48,7 @@ TEST(Migrate, aNewerSchemaIsRefusedByName) {
   EXPECT_EQ(*schemaVersion(db.writer), 999);
 }
 
-TEST(Migrate, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
+TEST(Schema, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
   test::TestDb db;
   constexpr std::int64_t kFlipped = std::int64_t{1} << 31;
   const std::string version = std::to_string(newestSchemaVersion() - kFlipped);
@@ -63,7 +63,7 @@ TEST(Migrate, aFlippedBitInTheVersionOfTheHeaderIsDamage) {
   }
 }
 
-TEST(Migrate, anAlteredSchemaIsRefusedByName) {
+TEST(Schema, anAlteredSchemaIsRefusedByName) {
   const std::string lying = "UPDATE audit SET who = 'mona', subject = 'nobody' WHERE id = NEW.id; END";
   const std::pair<std::string, std::string> changes[] = {
       {"CREATE TRIGGER evil AFTER INSERT ON audit BEGIN " + lying, "trigger 'evil' of 'audit'"},
@@ -99,7 +99,7 @@ Status scriptOnReservedNames(Connection& connection, const std::string& sql) {
 
 constexpr const char* kStat4 = "CREATE TABLE sqlite_stat4(tbl,idx,neq,nlt,ndlt,sample)";
 
-TEST(Migrate, theTablesOfAnAnalyzeAreNoFault) {
+TEST(Schema, theTablesOfAnAnalyzeAreNoFault) {
   test::TestDb db;
   ASSERT_OK(db.writer.script("INSERT INTO meta (key, value) VALUES ('a', 'b'); ANALYZE"));
   ASSERT_OK(scriptOnReservedNames(db.writer, kStat4));
@@ -111,7 +111,7 @@ TEST(Migrate, theTablesOfAnAnalyzeAreNoFault) {
   EXPECT_TRUE(test::TestDb::must(checkDatabase(db.writer)).ok());
 }
 
-TEST(Migrate, whatOnlyHasTheNameOfAnAnalyzesTableIsAFault) {
+TEST(Schema, whatOnlyHasTheNameOfAnAnalyzesTableIsAFault) {
   const std::pair<std::string, std::string> changes[] = {
       {"CREATE VIEW sqlite_stat1 AS SELECT * FROM people", "view 'sqlite_stat1' is not needlelab's"},
       {"CREATE TRIGGER sqlite_stat1 AFTER INSERT ON audit BEGIN SELECT 1; END",
@@ -133,7 +133,7 @@ TEST(Migrate, whatOnlyHasTheNameOfAnAnalyzesTableIsAFault) {
   }
 }
 
-TEST(Migrate, anotherProgramsDatabaseIsLeftAlone) {
+TEST(Schema, anotherProgramsDatabaseIsLeftAlone) {
   const test::TempFolder folder;
   auto connection = fresh(folder);
   ASSERT_OK(connection.script("CREATE TABLE theirs (a)"));
@@ -143,7 +143,7 @@ TEST(Migrate, anotherProgramsDatabaseIsLeftAlone) {
   EXPECT_EQ(migrate(marked).error().code, ErrorCode::kCorrupt);
 }
 
-TEST(Migrate, aFailingMigrationLeavesTheVersionBeforeIt) {
+TEST(Schema, aFailingMigrationLeavesTheVersionBeforeIt) {
   const test::TempFolder folder;
   auto connection = fresh(folder);
   const EmbeddedFile files[] = {
@@ -159,7 +159,7 @@ TEST(Migrate, aFailingMigrationLeavesTheVersionBeforeIt) {
   EXPECT_FALSE(connection.inTransaction());
 }
 
-TEST(Migrate, numbersMustBeInOrder) {
+TEST(Schema, numbersMustBeInOrder) {
   const test::TempFolder folder;
   auto connection = fresh(folder);
   const EmbeddedFile files[] = {{"0002_second.sql", "CREATE TABLE a (x INTEGER) STRICT;"}};
@@ -167,7 +167,7 @@ TEST(Migrate, numbersMustBeInOrder) {
   EXPECT_EQ(*schemaVersion(connection), 0);
 }
 
-TEST(Migrate, aLaterVersionKeepsRowsAndIsRefusedByThisProgram) {
+TEST(Schema, aLaterVersionKeepsRowsAndIsRefusedByThisProgram) {
   test::TestDb db;
   ASSERT_OK(MetaStore(db.writer).set("k", "1"));
   std::vector<EmbeddedFile> files(embeddedMigrations().begin(), embeddedMigrations().end());

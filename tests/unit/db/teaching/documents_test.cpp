@@ -10,7 +10,7 @@ StoredProfile profile(const std::string& id, const std::string& json) {
   return {id, 0, "A knee", json, "bea", 9};
 }
 
-TEST(ProfileStore, anotherTextIsANewRevisionAndTheOldOneStays) {
+TEST(Documents, anotherTextIsANewRevisionAndTheOldOneStays) {
   test::TestDb db;
   ProfileStore profiles(db.writer);
   EXPECT_EQ(*profiles.put(profile("knee", "{\"a\":1}")), 1u);
@@ -22,7 +22,7 @@ TEST(ProfileStore, anotherTextIsANewRevisionAndTheOldOneStays) {
   EXPECT_EQ(*profiles.put(profile("knee", "{\"a\":1}")), 3u);
 }
 
-TEST(ProfileStore, theSameTextKeepsItsRevision) {
+TEST(Documents, theSameTextKeepsItsRevision) {
   test::TestDb db;
   ProfileStore profiles(db.writer);
   EXPECT_EQ(*profiles.put(profile("knee", "{\"a\":1}")), 1u);
@@ -35,7 +35,7 @@ TEST(ProfileStore, theSameTextKeepsItsRevision) {
   EXPECT_EQ((*list)[0].author, "bea");
 }
 
-TEST(ProfileStore, whatIsNotThereIsNamed) {
+TEST(Documents, whatIsNotThereIsNamed) {
   test::TestDb db;
   ProfileStore profiles(db.writer);
   ASSERT_OK(profiles.put(profile("knee", "{}")));
@@ -46,7 +46,7 @@ TEST(ProfileStore, whatIsNotThereIsNamed) {
   EXPECT_NE(profiles.get("knee", 9).error().message.find("revision 9"), std::string::npos);
 }
 
-TEST(ProfileStore, hugeOrEmptyFieldsAreRefused) {
+TEST(Documents, hugeOrEmptyFieldsAreRefused) {
   test::TestDb db;
   ProfileStore profiles(db.writer);
   EXPECT_FALSE(profiles.put(profile("", "{}")).ok());
@@ -55,7 +55,7 @@ TEST(ProfileStore, hugeOrEmptyFieldsAreRefused) {
   EXPECT_FALSE(profiles.put(profile("knee", std::string(1'000'000, ' '))).ok());
 }
 
-TEST(ProfileStore, aNameWithInvisibleCharactersIsRefused) {
+TEST(Documents, aNameWithInvisibleCharactersIsRefused) {
   test::TestDb db;
   ProfileStore profiles(db.writer);
   EXPECT_FALSE(profiles.put({"kn\u200bee", 0, "A knee", "{}", "bea", 1}).ok());

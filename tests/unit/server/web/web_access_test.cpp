@@ -181,7 +181,7 @@ TEST(WebSession, endsWithTheAccountAndThePassword) {
 }
 
 /// One row per route, written by hand: a route without a row fails, and so does a row without a route.
-TEST(WebRoles, everyRouteIsForTheRolesOfTheTable) {
+TEST(WebAccess, everyRouteIsForTheRolesOfTheTable) {
   WebLab lab;
   std::ifstream file(std::string(NEEDLELAB_SOURCE_DIR) + "/tests/unit/server/web/permissions_web.tsv");
   std::string line;
@@ -227,7 +227,7 @@ TEST(WebRoles, everyRouteIsForTheRolesOfTheTable) {
   EXPECT_TRUE(rows.empty()) << *rows.begin() << " is not a route";
 }
 
-TEST(WebRoles, aTraineeSeesItsOwnSessionsOnly) {
+TEST(WebAccess, aTraineeSeesItsOwnSessionsOnly) {
   WebLab lab;
   lab.server().addUser("tom", pb::TRAINEE, kWebPassword);
   const std::string id = lab.recorded(3);  // tina's

@@ -19,7 +19,7 @@ namespace {
 
 using test::TempFolder;
 
-TEST(WebTarget, isSplitAndDecoded) {
+TEST(WebCall, aTargetIsSplitAndDecoded) {
   const auto target = parseTarget("/api/v1/people/anna%20b%C3%BC?page=x%3D1&who=a+b&empty=");
   ASSERT_TRUE(target.ok());
   EXPECT_EQ(target->segments, (std::vector<std::string>{"api", "v1", "people", "anna b\u00fc"}));
@@ -42,7 +42,7 @@ TEST(WebHost, onlyANameOfTheLabMayDemandHttps) {
     EXPECT_FALSE(mayDemandHttps(host)) << host;
 }
 
-TEST(WebTarget, namesNoOneInTheLog) {
+TEST(WebCall, aTargetNamesNoOneInTheLog) {
   EXPECT_EQ(pathForLog("/api/v1/people/anna%20b?x=y", "GET /people/{name}"), "/api/v1/people/*");
   EXPECT_EQ(pathForLog("/api/v1/people/anna/export", "GET /people/{name}/export"), "/api/v1/people/*/export");
   EXPECT_EQ(pathForLog("/api/v1/sessions/019aa0c3/score", "GET /sessions/{id}/score"),
@@ -56,7 +56,7 @@ TEST(WebTarget, namesNoOneInTheLog) {
   EXPECT_EQ(pathForLog("/api/v9/people/anna", "GET /people/{name}"), "*");
 }
 
-TEST(WebTarget, everythingDoubtfulIsRefused) {
+TEST(WebCall, everythingDoubtfulInATargetIsRefused) {
   const std::string long_one = "/" + std::string(2048, 'a');
   std::string many = "/?";
   for (int i = 0; i < 33; ++i) many += "a" + std::to_string(i) + "=&";

@@ -22,7 +22,7 @@ Bytes someFirmware(std::size_t size) {
   return bytes;
 }
 
-class FalconFirmware : public testing::Test {
+class FirmwareLoaderTest : public testing::Test {
  protected:
   void SetUp() override { falcon_->forgetFirmware(); }
 
@@ -44,7 +44,7 @@ class FalconFirmware : public testing::Test {
   std::int64_t took_ms_ = 0;
 };
 
-TEST_F(FalconFirmware, everyByteArrivesForAnySizeOfTheFile) {
+TEST_F(FirmwareLoaderTest, everyByteArrivesForAnySizeOfTheFile) {
   for (const std::size_t size : {1u, 61u, 62u, 63u, 124u, 1000u, 40'000u}) {
     falcon_->firmware = someFirmware(size);
     const Status done = load(falcon_->firmware);
@@ -56,7 +56,7 @@ TEST_F(FalconFirmware, everyByteArrivesForAnySizeOfTheFile) {
   }
 }
 
-TEST_F(FalconFirmware, requestsAreThoseOfTheFactsInTheirOrder) {
+TEST_F(FirmwareLoaderTest, requestsAreThoseOfTheFactsInTheirOrder) {
   ASSERT_TRUE(load(someFirmware(100)).ok());
   test::Requests seen = falcon_->requests;
   ASSERT_GE(seen.size(), 17u);
@@ -88,7 +88,7 @@ TEST(FalconBaudDivisor, isTheNearestThatTheChipCanMake) {
   }
 }
 
-TEST_F(FalconFirmware, failuresAreReportedInTime) {
+TEST_F(FirmwareLoaderTest, failuresAreReportedInTime) {
   const Bytes image = someFirmware(300);
   const auto byteText = [&](std::size_t at) {
     return fmt::format(
@@ -134,7 +134,7 @@ TEST_F(FalconFirmware, failuresAreReportedInTime) {
   }
 }
 
-TEST_F(FalconFirmware, runningFirmwareIsRecognised) {
+TEST_F(FirmwareLoaderTest, runningFirmwareIsRecognised) {
   auto runs = firmwareRuns(link_, 3, time_);
   ASSERT_TRUE(runs.ok());
   EXPECT_FALSE(*runs);

@@ -11,13 +11,15 @@ namespace {
 
 using testing::HasSubstr;
 
+using FalconUsbFound = FalconOnUsb;
+
 Error refusal(const FalconOptions& options, double rate_hz = 1000) {
   const Status opened = FalconDevice(options).open(rate_hz);
   EXPECT_FALSE(opened.ok());
   return opened.ok() ? Error{} : opened.error();
 }
 
-TEST_F(FalconOnUsb, noneIsListedInWords) {
+TEST_F(FalconUsbFound, noneIsListedInWords) {
   const auto found = listFalcons();
   ASSERT_EQ(found.size(), 1u);
   EXPECT_FALSE(found[0].ready);
@@ -25,7 +27,7 @@ TEST_F(FalconOnUsb, noneIsListedInWords) {
   EXPECT_EQ(refusal(options()).code, ErrorCode::kNotFound);
 }
 
-TEST_F(FalconOnUsb, oneIsListedWithItsSerialNumber) {
+TEST_F(FalconUsbFound, oneIsListedWithItsSerialNumber) {
   falcon_.plug();
   const auto found = listFalcons();
   ASSERT_EQ(found.size(), 1u);
@@ -36,7 +38,7 @@ TEST_F(FalconOnUsb, oneIsListedWithItsSerialNumber) {
   EXPECT_EQ(refusal(options(), 2000).code, ErrorCode::kInvalidInput);
 }
 
-TEST_F(FalconOnUsb, ofTwoOneIsChosenAndTheyDoNotDisturbEachOther) {
+TEST_F(FalconUsbFound, ofTwoOneIsChosenAndTheyDoNotDisturbEachOther) {
   FalconEmulator second{testbed_, "FALCON02"};
   falcon_.plug();
   second.plug();
@@ -68,7 +70,7 @@ TEST_F(FalconOnUsb, ofTwoOneIsChosenAndTheyDoNotDisturbEachOther) {
   }
 }
 
-TEST_F(FalconOnUsb, missingRightsNameWhoMustGrantThem) {
+TEST_F(FalconUsbFound, missingRightsNameWhoMustGrantThem) {
   falcon_.plug();
   falcon_.port().setMode(0);
   // Root may open any device, so change to another user for this test.
@@ -86,7 +88,7 @@ TEST_F(FalconOnUsb, missingRightsNameWhoMustGrantThem) {
   EXPECT_FALSE(found[0].ready);
 }
 
-TEST_F(FalconOnUsb, useByAnotherProgramIsReported) {
+TEST_F(FalconUsbFound, useByAnotherProgramIsReported) {
   falcon_.port().setBusy(true);
   falcon_.plug();
   const Error error = refusal(options());
@@ -99,7 +101,7 @@ TEST_F(FalconOnUsb, useByAnotherProgramIsReported) {
   EXPECT_THAT(refusal(options()).message, HasSubstr("another program"));
 }
 
-TEST_F(FalconOnUsb, theKernelsDriverMakesRoomAndComesBack) {
+TEST_F(FalconUsbFound, theKernelsDriverMakesRoomAndComesBack) {
   falcon_.port().setKernelDriver("ftdi_sio");
   falcon_.plug();
   EXPECT_TRUE(falcon_.port().kernelDriverAttached());
@@ -110,7 +112,7 @@ TEST_F(FalconOnUsb, theKernelsDriverMakesRoomAndComesBack) {
 }
 
 // the bus is notified of an arrival and does not wait for its next poll
-TEST_F(FalconOnUsb, itsArrivalIsSeen) {
+TEST_F(FalconUsbFound, itsArrivalIsSeen) {
   const auto bus = falcon::makeUsbBus();
   EXPECT_FALSE(bus->open("").ok());
   for (int round = 0; round < 3; ++round) {

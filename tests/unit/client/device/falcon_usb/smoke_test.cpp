@@ -14,7 +14,9 @@
 namespace needlelab::test {
 namespace {
 
-TEST_F(FalconOnUsb, bootsFindsItsZeroAndReportsPlaceAndButtons) {
+using FalconUsbSmoke = FalconOnUsb;
+
+TEST_F(FalconUsbSmoke, bootsFindsItsZeroAndReportsPlaceAndButtons) {
   const TempFolder folder;
   FalconOptions with_file = options();
   with_file.firmware_file = folder.write("novint.bin", std::string(300, 'f'));
@@ -35,7 +37,7 @@ TEST_F(FalconOnUsb, bootsFindsItsZeroAndReportsPlaceAndButtons) {
   EXPECT_TRUE(tickUntil([this] { return reading_.buttons == 0b0101u; }));
 }
 
-TEST_F(FalconOnUsb, theHandFeelsTheForceUntilTheHapticThreadFallsSilent) {
+TEST_F(FalconUsbSmoke, theHandFeelsTheForceUntilTheHapticThreadFallsSilent) {
   openDevice();
   home();
   for (const Vec3 wanted_N : {Vec3{2.5, 0, 0}, Vec3{0, 2.5, 0}, Vec3{-1.5, 1.5, 1.2}})
@@ -63,7 +65,7 @@ std::size_t residentKiB() {
   return 0;
 }
 
-TEST_F(FalconOnUsb, unpluggedAndPluggedInAgainItReportsAndLeaksNothing) {
+TEST_F(FalconUsbSmoke, unpluggedAndPluggedInAgainItReportsAndLeaksNothing) {
   const int rounds = longForm() ? 1000 : 12;
   openDevice();
   home();

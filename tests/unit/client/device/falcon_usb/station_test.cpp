@@ -23,7 +23,7 @@ namespace {
 constexpr double kSkin_m = 0.010;  // below the middle of the workspace
 constexpr double kDeep_m = 0.015;
 
-class StationWithFalcon : public FalconOnUsb {
+class FalconUsbStation : public FalconOnUsb {
  protected:
   std::unique_ptr<Process> station(const std::vector<std::string>& arguments) {
     return std::make_unique<Process>("needlelab-station", arguments, folder_.path() / "log");
@@ -73,7 +73,7 @@ HandPath strokes() {
   };
 }
 
-TEST_F(StationWithFalcon, aLessonRunsToItsEndAndLeavesNoTorque) {
+TEST_F(FalconUsbStation, aLessonRunsToItsEndAndLeavesNoTorque) {
   falcon_.plug();
   const auto child = station(lesson("4", "wait"));
   home(*child);
@@ -108,7 +108,7 @@ pid_t threadOf(pid_t process, const std::string& name) {
 }
 
 // On a busy machine the emulated device reports too late; then there is no force for a crash to leave behind.
-TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
+TEST_F(FalconUsbStation, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   if (!longForm()) GTEST_SKIP() << "needs a device that reports in time: NEEDLELAB_LONG=1";
   falcon_.plug();
   const auto child = station(lesson("600", "wait"));
@@ -134,7 +134,7 @@ TEST_F(StationWithFalcon, aCrashOfTheDevicesOwnThreadLeavesNoTorque) {
   expectNoTorqueAtTheEnd();
 }
 
-TEST_F(StationWithFalcon, isListedAndTestsItselfWithoutTorque) {
+TEST_F(FalconUsbStation, isListedAndTestsItselfWithoutTorque) {
   falcon_.plug();
   const auto list = station({"--list-devices", "--json", folder_.path() / "out.json"});
   ASSERT_EQ(list->wait(kPatience), kExitDone) << list->said();
@@ -163,7 +163,7 @@ TEST_F(StationWithFalcon, isListedAndTestsItselfWithoutTorque) {
   EXPECT_THAT(calibration->said(), testing::HasSubstr("its grip is the tip"));
 }
 
-TEST_F(StationWithFalcon, aMissingFalconIsReportedWithAdvice) {
+TEST_F(FalconUsbStation, aMissingFalconIsReportedWithAdvice) {
   const auto child = station(lesson("1", "wait"));
   EXPECT_EQ(child->wait(kPatience), kExitFailed) << child->said();
   EXPECT_THAT(child->said(), testing::HasSubstr("USB cable"));

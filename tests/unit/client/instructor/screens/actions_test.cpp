@@ -18,9 +18,9 @@ using testing::Not;
 
 // --- the frame around the screens
 
-using FrameActions = WithMouse;
+using Actions = WithMouse;
 
-TEST_F(FrameActions, theBarAndItsKeysLeadToEveryScreenAndOut) {
+TEST_F(Actions, theBarAndItsKeysLeadToEveryScreenAndOut) {
   press(GLFW_KEY_3, /*ctrl=*/true);
   EXPECT_EQ(lab_->screen, WindowScreen::kLogin) << "no one has logged in";
   logIn();
@@ -48,7 +48,7 @@ TEST_F(FrameActions, theBarAndItsKeysLeadToEveryScreenAndOut) {
   EXPECT_FALSE(stands("Scores"));
 }
 
-TEST_F(FrameActions, escapeClosesTheListOfKeysThenTheNoticesThenTheScreen) {
+TEST_F(Actions, escapeClosesTheListOfKeysThenTheNoticesThenTheScreen) {
   logIn();
   lab_->screen = WindowScreen::kSessions;
   lab_->notices.trouble("the printer burns");
@@ -65,14 +65,14 @@ TEST_F(FrameActions, escapeClosesTheListOfKeysThenTheNoticesThenTheScreen) {
   EXPECT_EQ(lab_->screen, WindowScreen::kLab);
 }
 
-TEST_F(FrameActions, lettersShrinkAndGetTheirUsualSizeBack) {
+TEST_F(Actions, lettersShrinkAndGetTheirUsualSizeBack) {
   press(GLFW_KEY_MINUS, /*ctrl=*/true);
   EXPECT_NEAR(surface_->fontScale(), 0.9, 1e-9);
   press(GLFW_KEY_0, /*ctrl=*/true);
   EXPECT_EQ(surface_->fontScale(), 1);
 }
 
-TEST_F(FrameActions, enterIsTheWayOutOfAnEmptyScreen) {
+TEST_F(Actions, enterIsTheWayOutOfAnEmptyScreen) {
   logIn();
   const std::pair<WindowScreen, WindowScreen> ways[] = {{WindowScreen::kLive, WindowScreen::kLab},
                                                         {WindowScreen::kReplay, WindowScreen::kSessions},
@@ -87,7 +87,7 @@ TEST_F(FrameActions, enterIsTheWayOutOfAnEmptyScreen) {
   }
 }
 
-TEST_F(FrameActions, enterLogsInAndTheFormReportsAWrongPassword) {
+TEST_F(Actions, enterLogsInAndTheFormReportsAWrongPassword) {
   lab_->form.password = "wrong";
   press(GLFW_KEY_ENTER);
   ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
@@ -100,7 +100,7 @@ TEST_F(FrameActions, enterLogsInAndTheFormReportsAWrongPassword) {
 
 // --- the lab
 
-TEST_F(FrameActions, tilesAreButtonsAndFiltersAreBoxesListAndField) {
+TEST_F(Actions, tilesAreButtonsAndFiltersAreBoxesListAndField) {
   (void)server_.addStation("bench-1");
   (void)server_.addStation("bench-2");
   logIn();

@@ -16,7 +16,7 @@ using namespace test;
 using testing::HasSubstr;
 using testing::Not;
 
-class LiveQuestions : public WithMouse {
+class Questions : public WithMouse {
  protected:
   void watch(const BenchStation& bench) {
     bench_ = &bench;
@@ -44,7 +44,7 @@ class LiveQuestions : public WithMouse {
   const BenchStation* bench_ = nullptr;
 };
 
-TEST_F(LiveQuestions, aMessageIsSentBeforeTheQuestionAndItsEnterStopsNothing) {
+TEST_F(Questions, aMessageIsSentBeforeTheQuestionAndItsEnterStopsNothing) {
   const BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(watch(bench));
   const auto stop = placeOf("Stop lesson …"), message = placeOf("##message");
@@ -68,7 +68,7 @@ TEST_F(LiveQuestions, aMessageIsSentBeforeTheQuestionAndItsEnterStopsNothing) {
   EXPECT_EQ(all.find("stop "), all.rfind("stop ")) << all;
 }
 
-TEST_F(LiveQuestions, aMessageThatIsNotSentYetOutlivesTheQuestion) {
+TEST_F(Questions, aMessageThatIsNotSentYetOutlivesTheQuestion) {
   const BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(watch(bench));
   const auto stop = placeOf("Stop lesson …"), message = placeOf("##message");
@@ -86,7 +86,7 @@ TEST_F(LiveQuestions, aMessageThatIsNotSentYetOutlivesTheQuestion) {
   EXPECT_THAT(bench.heard(), Not(HasSubstr("stop ")));
 }
 
-TEST_F(LiveQuestions, moreClicksOnStopLessonStopNothing) {
+TEST_F(Questions, moreClicksOnStopLessonStopNothing) {
   const BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(watch(bench));
   ASSERT_TRUE(click("Stop lesson …"));
@@ -105,7 +105,7 @@ TEST_F(LiveQuestions, moreClicksOnStopLessonStopNothing) {
   EXPECT_TRUE(heard("stop \n")) << bench.heard();
 }
 
-TEST_F(LiveQuestions, theFirstLettersOfAMessageAreNoShortcuts) {
+TEST_F(Questions, theFirstLettersOfAMessageAreNoShortcuts) {
   const BenchStation bench(server_, "bench-1", server_.addStation("bench-1"), "tina");
   ASSERT_NO_FATAL_FAILURE(watch(bench));
   const PlotSet plots = window_->live_screen.plots;

@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-TEST(Password, isTheFirstLineOfTheFile) {
+TEST(Credentials, aPasswordIsTheFirstLineOfTheFile) {
   const test::TempFolder folder;
   EXPECT_EQ(*readPassword(folder.write("a", "correct horse\nsecond line\n"), ""), "correct horse");
   EXPECT_EQ(*readPassword(folder.write("b", "no newline"), ""), "no newline");
@@ -16,7 +16,7 @@ TEST(Password, isTheFirstLineOfTheFile) {
   EXPECT_EQ(*readPassword(folder.write("d", " spaces stay "), ""), " spaces stay ");
 }
 
-TEST(Password, emptyLongAndMissingAreRefusedByName) {
+TEST(Credentials, emptyLongAndMissingPasswordsAreRefusedByName) {
   const test::TempFolder folder;
   for (const auto& file :
        {folder.write("empty", "\nx"), folder.write("long", std::string(1025, 'x')), folder.path() / "none"}) {
@@ -31,7 +31,7 @@ TEST(Password, emptyLongAndMissingAreRefusedByName) {
   }
 }
 
-TEST(SecretLine, isTheFirstLineAndMayBeAnything) {
+TEST(Credentials, aSecretIsTheFirstLineAndMayBeAnything) {
   const test::TempFolder folder;
   EXPECT_EQ(*readSecretLine(folder.write("a", "4711\r\nsecond line")), "4711");
   EXPECT_EQ(*readSecretLine(folder.write("empty", "")), "");

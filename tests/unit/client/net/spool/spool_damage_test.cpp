@@ -41,7 +41,7 @@ std::string damageChunks(const fs::path& session, std::initializer_list<std::siz
   return text;
 }
 
-TEST(Spool, anEndedSessionThatLostAChunkKeepsTheOthers) {
+TEST(SpoolDamage, anEndedSessionThatLostAChunkKeepsTheOthers) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   const std::string text = damageChunks(session, {1}, 3);
@@ -56,7 +56,7 @@ TEST(Spool, anEndedSessionThatLostAChunkKeepsTheOthers) {
   }
 }
 
-TEST(Spool, aLostLastChunkIsCountedByTheEnd) {
+TEST(SpoolDamage, aLostLastChunkIsCountedByTheEnd) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   auto text = *readWholeFile(session / "chunks");
@@ -69,7 +69,7 @@ TEST(Spool, aLostLastChunkIsCountedByTheEnd) {
   }
 }
 
-TEST(Spool, aShortChunkOfAnEndedSessionIsCountedAsDamage) {
+TEST(SpoolDamage, aShortChunkOfAnEndedSessionIsCountedAsDamage) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   fs::remove(session / "chunks");
@@ -94,7 +94,7 @@ TEST(Spool, aShortChunkOfAnEndedSessionIsCountedAsDamage) {
   }
 }
 
-TEST(Spool, anEndThatContradictsItsChunksIsNotBelieved) {
+TEST(SpoolDamage, anEndThatContradictsItsChunksIsNotBelieved) {
   struct Case {
     const char* key;
     nlohmann::json value;
@@ -119,7 +119,7 @@ TEST(Spool, anEndThatContradictsItsChunksIsNotBelieved) {
   }
 }
 
-TEST(Spool, chunksBehindDamageAreKeptAndTheLossIsCounted) {
+TEST(SpoolDamage, chunksBehindDamageAreKeptAndTheLossIsCounted) {
   const TempFolder folder;
   damageChunks(fiveChunksAndATail(folder.path()), {1, 3}, 5);
   const auto notes = (*Spool::open(folder.path()))->notes();
@@ -131,7 +131,7 @@ TEST(Spool, chunksBehindDamageAreKeptAndTheLossIsCounted) {
   EXPECT_EQ(found.contents.damage, (SpoolDamage{2, 200, 100}));
 }
 
-TEST(Spool, theTailBehindADamagedLastChunkIsKept) {
+TEST(SpoolDamage, theTailBehindADamagedLastChunkIsKept) {
   const TempFolder folder;
   damageChunks(fiveChunksAndATail(folder.path()), {4}, 5);
   const Recovered found = recover(folder.path());
@@ -139,13 +139,13 @@ TEST(Spool, theTailBehindADamagedLastChunkIsKept) {
   EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 400}));
 }
 
-TEST(Spool, aDamagedFirstChunkIsCountedFromTickZero) {
+TEST(SpoolDamage, aDamagedFirstChunkIsCountedFromTickZero) {
   const TempFolder folder;
   damageChunks(fiveChunksAndATail(folder.path()), {0}, 5);
   EXPECT_EQ(recover(folder.path()).contents.damage, (SpoolDamage{1, 100, 0}));
 }
 
-TEST(Spool, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
+TEST(SpoolDamage, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
   // the disk returned an old record with a later number; the session already has its samples
   const TempFolder folder;
   const fs::path session = fiveChunksAndATail(folder.path());
@@ -163,7 +163,7 @@ TEST(Spool, aRecordOfAnotherTimeBehindDamageIsNotTaken) {
   EXPECT_EQ(found.contents.damage, SpoolDamage{});
 }
 
-TEST(Spool, aHandEditedDescriptionIsReadButNotATamperedOne) {
+TEST(SpoolDamage, aHandEditedDescriptionIsReadButNotATamperedOne) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   fs::remove(session / "session.copy.json");
@@ -187,7 +187,7 @@ TEST(Spool, aHandEditedDescriptionIsReadButNotATamperedOne) {
   EXPECT_EQ(recover(folder.path()).samples.size(), 300u);
 }
 
-TEST(Spool, aDamagedDescriptionIsReadFromItsCopy) {
+TEST(SpoolDamage, aDamagedDescriptionIsReadFromItsCopy) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   const std::string text = *readWholeFile(session / "session.json");
@@ -221,7 +221,7 @@ TEST(Spool, aDamagedDescriptionIsReadFromItsCopy) {
   EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
-TEST(Spool, anUnusableDescriptionParksOnlyItsOwnSession) {
+TEST(SpoolDamage, anUnusableDescriptionParksOnlyItsOwnSession) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   std::string id;
@@ -247,7 +247,7 @@ TEST(Spool, anUnusableDescriptionParksOnlyItsOwnSession) {
   EXPECT_TRUE(fs::exists(session / "chunks"));
 }
 
-TEST(Spool, damageIsReportedOnceWithWhatRemainsAndWhere) {
+TEST(SpoolDamage, damageIsReportedOnceWithWhatRemainsAndWhere) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   damageChunks(session, {1}, 3);
@@ -258,7 +258,7 @@ TEST(Spool, damageIsReportedOnceWithWhatRemainsAndWhere) {
   EXPECT_THAT(notes(), testing::IsEmpty());
 }
 
-TEST(Spool, insideDamageKeepsTheFileButATornEndDoesNot) {
+TEST(SpoolDamage, insideDamageKeepsTheFileButATornEndDoesNot) {
   for (const bool torn : {true, false}) {
     const TempFolder folder;
     const fs::path session = sessionOfThreeChunks(folder.path(), false);
@@ -279,7 +279,7 @@ TEST(Spool, insideDamageKeepsTheFileButATornEndDoesNot) {
   }
 }
 
-TEST(Spool, aGapOfUnsyncedDataIsCountedButNoDiskDamage) {
+TEST(SpoolDamage, aGapOfUnsyncedDataIsCountedButNoDiskDamage) {
   // A power cut lost the first sectors in flight and kept later ones.
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), false, false);
@@ -292,7 +292,7 @@ TEST(Spool, aGapOfUnsyncedDataIsCountedButNoDiskDamage) {
   EXPECT_EQ(found.contents.damage, (SpoolDamage{1, 100, 100}));
 }
 
-TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
+TEST(SpoolDamage, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   const std::string text = damageChunks(session, {1}, 3);
@@ -307,7 +307,7 @@ TEST(Spool, damagedChunksAreNotCutOffWhileNoCopyCanBeKept) {
   EXPECT_EQ(*readWholeFile(session / "chunks"), text);
 }
 
-TEST(Spool, aDeeplyNestedSmallFileCountsAsDamaged) {
+TEST(SpoolDamage, aDeeplyNestedSmallFileCountsAsDamaged) {
   const std::string deep = std::string(500'000, '[') + std::string(500'000, ']');
   {
     const TempFolder folder;
@@ -325,7 +325,7 @@ TEST(Spool, aDeeplyNestedSmallFileCountsAsDamaged) {
   EXPECT_EQ(found.contents.damage, SpoolDamage{});
 }
 
-TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
+TEST(SpoolDamage, aLossIsKnownAfterTheProgramsDeath) {
   const TempFolder folder;
   {
     auto spool = opened(folder.path());
@@ -340,7 +340,7 @@ TEST(Spool, aLossIsKnownAfterTheProgramsDeath) {
   EXPECT_EQ(found.contents.loss, (SpoolLoss{1234567, 100}));
 }
 
-TEST(Spool, aBadLossFileMakesAnEndedSessionInterrupted) {
+TEST(SpoolDamage, aBadLossFileMakesAnEndedSessionInterrupted) {
   const TempFolder original;
   const fs::path session = sessionOfThreeChunks(original.path(), true);
   const std::string text = *readWholeFile(session / "lost");
@@ -371,7 +371,7 @@ TEST(Spool, aBadLossFileMakesAnEndedSessionInterrupted) {
   EXPECT_TRUE(recover(original.path()).contents.interrupted);
 }
 
-TEST(Spool, theLongestLossThatALessonCanHaveIsBelieved) {
+TEST(SpoolDamage, theLongestLossThatALessonCanHaveIsBelieved) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
   const std::uint64_t most = std::uint64_t{1000} << 20;  // at 1 kHz

@@ -9,7 +9,7 @@
 namespace needlelab {
 namespace {
 
-TEST(FinestError, findsTheOrderAndWhatTheFinestMisses) {
+TEST(Refinement, findsTheOrderAndWhatTheFinestMisses) {
   // true errors 100/n: compared with the mesh of 1600 they are smaller by 1/16
   const auto against = [](double n) { return 100 / n - 100 / 1600.0; };
   const FinestError found = finestError(100, against(100), 400, against(400), 1600);
@@ -17,7 +17,7 @@ TEST(FinestError, findsTheOrderAndWhatTheFinestMisses) {
   EXPECT_NEAR(found.rest, 100 / 1600.0, 1e-9);
 }
 
-TEST(FinestError, aNonDecreasingErrorHasNoOrderAndRemainsWhole) {
+TEST(Refinement, aNonDecreasingErrorHasNoOrderAndRemainsWhole) {
   const FinestError found = finestError(100, 0.2, 400, 0.3, 1600);
   EXPECT_EQ(found.order, 0);
   EXPECT_EQ(found.rest, 0.3);

@@ -35,7 +35,7 @@ AccuracyRow meshRow(double nodes, double stations, double error_N) {
   return row;
 }
 
-TEST(AccuracyTable, hasErrorIntervalShareTickAndMargin) {
+TEST(AccuracyReport, hasErrorIntervalShareTickAndMargin) {
   AccuracyRows rows = {rowOf(Comparator::kReplay, "DIRECT", 0.02)};
   rows[0].instructions = 209;
   const std::string text = accuracyTable(rows);
@@ -47,13 +47,13 @@ TEST(AccuracyTable, hasErrorIntervalShareTickAndMargin) {
   EXPECT_EQ(accuracyTable({}), "");
 }
 
-TEST(AccuracyTable, missingIntervalsAreMarked) {
+TEST(AccuracyReport, missingIntervalsAreMarked) {
   AccuracyRows rows = {rowOf(Comparator::kReplay, "DIRECT", 0.02)};
   rows[0].error_N->high = std::numeric_limits<double>::infinity();
   EXPECT_THAT(accuracyTable(rows), HasSubstr("20.00 (no interval)"));
 }
 
-TEST(AccuracyTable, ofTheVerificationHasTheStationsRateAndEncoderOnly) {
+TEST(AccuracyReport, ofTheVerificationHasTheStationsRateAndEncoderOnly) {
   AccuracyRows rows = {rowOf(Comparator::kVerification, "DIRECT", 0.02),
                        rowOf(Comparator::kVerification, "DIRECT", 0.77)};
   rows[1].rate_hz = 250;

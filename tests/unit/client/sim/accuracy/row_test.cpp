@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-TEST(ForceErrors, beyondMeansOverSevenPercentOrAPerceptibleStep) {
+TEST(AccuracyRow, beyondMeansOverSevenPercentOrAPerceptibleStep) {
   EXPECT_DOUBLE_EQ(localLimit_N(10), 0.7);
   EXPECT_DOUBLE_EQ(localLimit_N(-10), 0.7);
   EXPECT_DOUBLE_EQ(localLimit_N(0.1), kNoticeableStep_N);
@@ -27,7 +27,7 @@ TEST(ForceErrors, beyondMeansOverSevenPercentOrAPerceptibleStep) {
 }
 
 // the same 0.3 N is 3 % of a large force and 30 % of a small one: a single limit for the whole scene hid that
-TEST(ForceErrors, theSameErrorIsBeyondOnlyAtSmallForces) {
+TEST(AccuracyRow, theSameErrorIsBeyondOnlyAtSmallForces) {
   ForceError great, small;
   great.add(10.3, 10);
   small.add(1.3, 1);
@@ -35,7 +35,7 @@ TEST(ForceErrors, theSameErrorIsBeyondOnlyAtSmallForces) {
   EXPECT_EQ(small.beyond(), 1);
 }
 
-TEST(ForceErrors, aRowsIntervalIsStudentsOverItsGestures) {
+TEST(AccuracyRow, aRowsIntervalIsStudentsOverItsGestures) {
   std::vector<ForceError> gestures(3);
   for (std::size_t i = 0; i < 3; ++i) gestures[i].add(0.1 * static_cast<double>(i + 1), 0);
   AccuracyRow row;

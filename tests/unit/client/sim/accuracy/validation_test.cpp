@@ -15,7 +15,7 @@ namespace {
 using testing::HasSubstr;
 
 // One test, because the rows take seconds.
-TEST(ValidationRows, haveBaselinesAsLinesHoldWithdrawalAndNoRank) {
+TEST(Validation, rowsHaveBaselinesAsLinesHoldWithdrawalAndNoRank) {
   AccuracyOptions options;
   options.data = test::preferredRecordings().folder;
   std::vector<std::string> notes;
@@ -39,7 +39,7 @@ TEST(ValidationRows, haveBaselinesAsLinesHoldWithdrawalAndNoRank) {
   EXPECT_THAT(sentence, HasSubstr("Buy no model"));
 }
 
-TEST(ValidationRows, withoutRecordingsSayWhatToDo) {
+TEST(Validation, withoutRecordingsRowsSayWhatToDo) {
   AccuracyOptions options;
   options.data = "/nonexistent";
   std::vector<std::string> notes;

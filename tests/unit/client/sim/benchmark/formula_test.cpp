@@ -125,7 +125,7 @@ TEST(GordonExponential, aSecondRiseBeginsWhereTheFallIs) {
   EXPECT_NEAR(force_N[0], force_N[1], 1e-6);
 }
 
-TEST(Formulas, keepToTheNumbersThatTheyMayHave) {
+TEST(Formula, keepsToTheNumbersThatItMayHave) {
   TrainingSet training = trainedOn({{0.003, 0.001}, {0.03, 0.002}});
   // a sawtooth: eight ruptures
   for (CurveBin& bin : training.all.bins) bin.value = std::fmod(bin.at, 0.0025) * 400;

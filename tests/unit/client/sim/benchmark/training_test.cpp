@@ -32,7 +32,7 @@ CurveSet threeSpecimens() {
   return set;
 }
 
-TEST(Folds, eachSpecimenIsHeldOutOnceAndNeverSeenThen) {
+TEST(Training, eachSpecimenIsHeldOutOnceAndNeverSeenThen) {
   const CurveSet set = threeSpecimens();
   const auto curves = binnedCurves(set);
   const auto folds = foldsOf(HoldOut::kSpecimen, curves);
@@ -56,7 +56,7 @@ TEST(Folds, eachSpecimenIsHeldOutOnceAndNeverSeenThen) {
   EXPECT_TRUE(training.diameters);
 }
 
-TEST(Folds, aTissueWithASingleNeedleHasNone) {
+TEST(Training, aTissueWithASingleNeedleHasNoFolds) {
   const CurveSet set = threeSpecimens();
   const auto curves = binnedCurves(set);
   EXPECT_TRUE(foldsOf(HoldOut::kNeedle, curves).empty());
@@ -64,7 +64,7 @@ TEST(Folds, aTissueWithASingleNeedleHasNone) {
   EXPECT_EQ(foldsOf(HoldOut::kBlocks, curves).size(), 2u);
 }
 
-TEST(Folds, aTissueIsPredictedFromItsOwnCurvesOnly) {
+TEST(Training, aTissueIsPredictedFromItsOwnCurvesOnly) {
   CurveSet set = threeSpecimens();
   for (const char* specimen : {"d", "e"}) {
     set.curves.push_back(lineOf(specimen, "18G", 0.001, 1000));
@@ -80,7 +80,7 @@ TEST(Folds, aTissueIsPredictedFromItsOwnCurvesOnly) {
   }
 }
 
-TEST(Folds, theEndIsTheDeeperHalf) {
+TEST(Training, theEndIsTheDeeperHalf) {
   const CurveSet set = threeSpecimens();
   const auto curves = binnedCurves(set);
   const auto folds = foldsOf(HoldOut::kEnd, curves);
@@ -88,7 +88,7 @@ TEST(Folds, theEndIsTheDeeperHalf) {
   for (const CurveBin& bin : curves[0].curve.bins) EXPECT_EQ(folds[0].fit_on(0, bin), bin.at < 0.005);
 }
 
-TEST(Folds, blocksHoldEachBinOutOnce) {
+TEST(Training, blocksHoldEachBinOutOnce) {
   const CurveSet set = threeSpecimens();
   const auto curves = binnedCurves(set);
   const auto folds = foldsOf(HoldOut::kBlocks, curves);

@@ -8,7 +8,7 @@
 namespace needlelab {
 namespace {
 
-TEST(PatternSearch, findsTheMinimumOfACurvedValley) {
+TEST(CurveFit, findsTheMinimumOfACurvedValley) {
   // Rosenbrock's function: its minimum is at (1, 1)
   const auto cost = [](const std::vector<double>& x) {
     return 100 * std::pow(x[1] - x[0] * x[0], 2) + std::pow(1 - x[0], 2);
@@ -18,20 +18,20 @@ TEST(PatternSearch, findsTheMinimumOfACurvedValley) {
   EXPECT_NEAR(found.values[1], 1, 0.04);
 }
 
-TEST(PatternSearch, passesAJumpAndStaysWithinBounds) {
+TEST(CurveFit, passesAJumpAndStaysWithinBounds) {
   const auto cost = [](const std::vector<double>& x) { return std::fabs(x[0] - 7) + (x[0] < 3 ? 10 : 0); };
   EXPECT_EQ(patternSearch(cost, {{"x", 0, -1, 5, 0.5}}, 1000).values[0], 5) << "7 is out of bounds";
   EXPECT_NEAR(patternSearch(cost, {{"x", 0, -1, 9, 0.5}}, 1000).values[0], 7, 0.01);
 }
 
-TEST(PatternSearch, costsThatAreNoNumberAreNeverTaken) {
+TEST(CurveFit, costsThatAreNoNumberAreNeverTaken) {
   const auto cost = [](const std::vector<double>& x) { return x[0] > 1 ? std::nan("") : -x[0]; };
   const auto found = patternSearch(cost, {{"x", 0, -9, 9, 0.3}}, 1000);
   EXPECT_LE(found.values[0], 1);
   EXPECT_GT(found.values[0], 0.99);
 }
 
-TEST(PatternSearch, stopsWhenItsEvaluationsAreSpent) {
+TEST(CurveFit, stopsWhenItsEvaluationsAreSpent) {
   int calls = 0;
   const auto found = patternSearch(
       [&](const std::vector<double>& x) {

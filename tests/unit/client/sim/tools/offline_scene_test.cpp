@@ -24,7 +24,7 @@ std::vector<std::string> cells(std::string text) {
   return found;
 }
 
-TEST(RunOutput, everyCellIsUnderItsHeader) {
+TEST(OfflineScene, everyCellOfTheOutputIsUnderItsHeader) {
   StepReport report;
   report.wrench_W = {{1, 2, 3}, {4, 5, 6}};
   report.p_wall_W_m = {7, 8, 9};
@@ -63,7 +63,7 @@ TEST(RunOutput, everyCellIsUnderItsHeader) {
   EXPECT_NEAR(std::strtod(at("alpha_rad").c_str(), nullptr), std::atan(0.04 / 0.08), 1e-15);
 }
 
-TEST(RunOutput, aFreeTickHasNoWallAndFortyFiveDegrees) {
+TEST(OfflineScene, aFreeTickHasNoWallAndFortyFiveDegrees) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   StepReport report;
   report.p_wall_W_m = {nan, nan, nan};

@@ -23,9 +23,9 @@ struct Resolution {
   int width_px, height_px;
 };
 
-class LettersOnAMonitor : public TraineeStage, public testing::WithParamInterface<Resolution> {
+class LettersTest : public TraineeStage, public testing::WithParamInterface<Resolution> {
  protected:
-  LettersOnAMonitor() {
+  LettersTest() {
     options_.width_px = GetParam().width_px;
     options_.height_px = GetParam().height_px;
     options_.viewing = Viewing{24 * 0.0254, 2};
@@ -65,7 +65,7 @@ class LettersOnAMonitor : public TraineeStage, public testing::WithParamInterfac
   }
 };
 
-TEST_P(LettersOnAMonitor, haveTheirAngles) {
+TEST_P(LettersTest, haveTheirAngles) {
   showLesson(2.4);
   picture(2);
   EXPECT_GE(arcminOf(Letters::kFigure), 16);
@@ -74,7 +74,7 @@ TEST_P(LettersOnAMonitor, haveTheirAngles) {
   EXPECT_GE(arcminOf(Letters::kSmall), 10);
 }
 
-TEST_P(LettersOnAMonitor, aLessonsMainFiguresAreLargeAndEverythingFits) {
+TEST_P(LettersTest, aLessonsMainFiguresAreLargeAndEverythingFits) {
   showLesson(2.4, usualAids(), true);
   const DrawnLetters letters = drawn();
   EXPECT_THAT(letters.in(Letters::kFigure), MatchesRegex("[0-9]\\.[0-9][0-9]+\\.[0-9]"))
@@ -94,7 +94,7 @@ TEST_P(LettersOnAMonitor, aLessonsMainFiguresAreLargeAndEverythingFits) {
   EXPECT_THAT(drawn().all(), Not(HasSubstr("1000Hz")));
 }
 
-TEST_P(LettersOnAMonitor, anInstructorsMessageIsLarge) {
+TEST_P(LettersTest, anInstructorsMessageIsLarge) {
   showLesson(2.4);
   board_.change([](BoardState& state) {
     state.messages = {{"ines", "Good. A little slower near the bursa, and keep the needle upright.",
@@ -104,7 +104,7 @@ TEST_P(LettersOnAMonitor, anInstructorsMessageIsLarge) {
               HasSubstr("Good.Alittleslowernearthebursa,andkeeptheneedleupright."));
 }
 
-TEST_P(LettersOnAMonitor, anAlarmIsLarge) {
+TEST_P(LettersTest, anAlarmIsLarge) {
   showLesson(2.4);
   standing_.fault = Fault::kTipTooFast;
   board_.status(standing_);
@@ -113,7 +113,7 @@ TEST_P(LettersOnAMonitor, anAlarmIsLarge) {
   expectRoom("overlay");
 }
 
-TEST_P(LettersOnAMonitor, theVerdictIsLargeAndByHowMuchItMissed) {
+TEST_P(LettersTest, theVerdictIsLargeAndByHowMuchItMissed) {
   showLesson(6);
   picture(2);
   auto outcome = std::make_shared<LessonOutcome>();
@@ -135,7 +135,7 @@ TEST_P(LettersOnAMonitor, theVerdictIsLargeAndByHowMuchItMissed) {
   expectRoom("end");
 }
 
-TEST_P(LettersOnAMonitor, theStartHasRoomForItsHeadings) {
+TEST_P(LettersTest, theStartHasRoomForItsHeadings) {
   showStart();
   EXPECT_THAT(drawn().in(Letters::kHeading),
               AllOf(HasSubstr("Trainee"), HasSubstr("Exercise"), HasSubstr("Thisstation")));
@@ -147,7 +147,7 @@ TEST_P(LettersOnAMonitor, theStartHasRoomForItsHeadings) {
   EXPECT_THAT(drawn().all(), AllOf(HasSubstr("Theserverisunreachable"), Not(HasSubstr("chunks"))));
 }
 
-INSTANTIATE_TEST_SUITE_P(Resolutions, LettersOnAMonitor,
+INSTANTIATE_TEST_SUITE_P(Resolutions, LettersTest,
                          testing::Values(Resolution{1280, 720}, Resolution{1920, 1080},
                                          Resolution{2560, 1440}, Resolution{3840, 2160}),
                          [](const auto& of) { return std::to_string(of.param.height_px); });

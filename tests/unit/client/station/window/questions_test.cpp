@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class TraineeQuestions : public TraineeStage {
+class Questions : public TraineeStage {
  protected:
   void tapAtOnce(std::initializer_list<int> keys) {
     for (const int key : keys)
@@ -18,7 +18,7 @@ class TraineeQuestions : public TraineeStage {
   }
 };
 
-TEST_F(TraineeQuestions, whatIsPressedWithTheKeyThatAsksEndsNoLesson) {
+TEST_F(Questions, whatIsPressedWithTheKeyThatAsksEndsNoLesson) {
   showLesson(1);
   picture();
   tapAtOnce({GLFW_KEY_ESCAPE, GLFW_KEY_DELETE, GLFW_KEY_ENTER, GLFW_KEY_DELETE});
@@ -29,7 +29,7 @@ TEST_F(TraineeQuestions, whatIsPressedWithTheKeyThatAsksEndsNoLesson) {
   EXPECT_TRUE(requests_.takeStop());
 }
 
-TEST_F(TraineeQuestions, whatIsPressedBeforeTheCloseButtonAsksDoesNotQuit) {
+TEST_F(Questions, whatIsPressedBeforeTheCloseButtonAsksDoesNotQuit) {
   showLesson(1);
   picture();
   window_->askToQuit();
@@ -41,7 +41,7 @@ TEST_F(TraineeQuestions, whatIsPressedBeforeTheCloseButtonAsksDoesNotQuit) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
-TEST_F(TraineeQuestions, theFrameLogMarksAnAnswerableQuestion) {
+TEST_F(Questions, theFrameLogMarksAnAnswerableQuestion) {
   showLesson(1);
   picture();
   press(screen(), GLFW_KEY_ESCAPE);
@@ -52,7 +52,7 @@ TEST_F(TraineeQuestions, theFrameLogMarksAnAnswerableQuestion) {
   EXPECT_TRUE(requests_.takeStop());
 }
 
-TEST_F(TraineeQuestions, enterPressedBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
+TEST_F(Questions, enterPressedBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
   showLesson(2.4);
   picture();
   for (const Fault fault : {Fault::kTipTooFast, Fault::kDeviceSilent}) {
@@ -67,7 +67,7 @@ TEST_F(TraineeQuestions, enterPressedBeforeAFaultWasSeenDoesNotAcknowledgeIt) {
 }
 
 // keys count from 0.7 s after the outcome: 21 frames of 1/30 s; each tap takes a frame
-TEST_F(TraineeQuestions, enterPressedBeforeTheResultWasSeenStartsNoTry) {
+TEST_F(Questions, enterPressedBeforeTheResultWasSeenStartsNoTry) {
   showLesson(6);
   picture(2);
   auto outcome = std::make_shared<LessonOutcome>();

@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class TraineeScreens : public TraineeStage {
+class Screens : public TraineeStage {
  protected:
   /// Returns the share of pixels that change when `change` is applied to the board.
   double changes(const std::function<void()>& change) {
@@ -66,12 +66,12 @@ class TraineeScreens : public TraineeStage {
   }
 };
 
-TEST_F(TraineeScreens, start) {
+TEST_F(Screens, start) {
   showStart();
   EXPECT_TRUE(looksLike(picture(), referenceOf("start")));
 }
 
-TEST_F(TraineeScreens, startBeginsByEnterOrButton) {
+TEST_F(Screens, startBeginsByEnterOrButton) {
   showStart();
   picture();
   press(screen(), GLFW_KEY_ENTER);
@@ -87,7 +87,7 @@ TEST_F(TraineeScreens, startBeginsByEnterOrButton) {
   EXPECT_EQ(request.choice.exercise, "knee-recess") << "nothing is assigned to zoe: by name";
 }
 
-TEST_F(TraineeScreens, startWithTheServerAwayAndALessonThatDidNotBegin) {
+TEST_F(Screens, startWithTheServerAwayAndALessonThatDidNotBegin) {
   showStart();
   board_.change([](BoardState& state) {
     state.server = "server away, 3 chunks wait";
@@ -100,7 +100,7 @@ TEST_F(TraineeScreens, startWithTheServerAwayAndALessonThatDidNotBegin) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_trouble")));
 }
 
-TEST_F(TraineeScreens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
+TEST_F(Screens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
   showStart();
   addLadder(wallNowNs());
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_ladder")));
@@ -114,7 +114,7 @@ TEST_F(TraineeScreens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
   EXPECT_EQ(request.choice.trainee, "zoe");
 }
 
-TEST_F(TraineeScreens, startOffLineShowsTheLadderOfItsTime) {
+TEST_F(Screens, startOffLineShowsTheLadderOfItsTime) {
   showStart();
   addLadder(1'795'000'000'000'000'000);
   board_.change([](BoardState& state) {
@@ -124,7 +124,7 @@ TEST_F(TraineeScreens, startOffLineShowsTheLadderOfItsTime) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_ladder_away")));
 }
 
-TEST_F(TraineeScreens, startAsksForTheCodeOfTheTraineeAndEnterBegins) {
+TEST_F(Screens, startAsksForTheCodeOfTheTraineeAndEnterBegins) {
   showStart();
   askForCode(false);
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_code")));
@@ -137,7 +137,7 @@ TEST_F(TraineeScreens, startAsksForTheCodeOfTheTraineeAndEnterBegins) {
   EXPECT_EQ(request.code, "badge-4711");
 }
 
-TEST_F(TraineeScreens, startAcceptsABadgeAtOnceForAKnownCode) {
+TEST_F(Screens, startAcceptsABadgeAtOnceForAKnownCode) {
   showStart();
   board_.change([](BoardState& state) { state.lists.asks_code = {"tom"}; });
   picture(4);
@@ -157,7 +157,7 @@ TEST_F(TraineeScreens, startAcceptsABadgeAtOnceForAKnownCode) {
   EXPECT_EQ(request.code, "badge-4711");
 }
 
-TEST_F(TraineeScreens, startReportsAWrongCodeAndClearsTheField) {
+TEST_F(Screens, startReportsAWrongCodeAndClearsTheField) {
   showStart();
   askForCode(false);
   picture();
@@ -171,7 +171,7 @@ TEST_F(TraineeScreens, startReportsAWrongCodeAndClearsTheField) {
   EXPECT_EQ(board_.waitForRequest(0ms).code, "4711");
 }
 
-TEST_F(TraineeScreens, keysInTheFieldOfTheCodeDoNothingElse) {
+TEST_F(Screens, keysInTheFieldOfTheCodeDoNothingElse) {
   showStart();
   askForCode(false);
   picture();
@@ -192,7 +192,7 @@ TEST_F(TraineeScreens, keysInTheFieldOfTheCodeDoNothingElse) {
   EXPECT_EQ(request.choice, (LessonChoice{"tom", "shoulder-bursa", false})) << "neither of both was changed";
 }
 
-TEST_F(TraineeScreens, theFieldOfTheCodeIsGoneWithTheTrainee) {
+TEST_F(Screens, theFieldOfTheCodeIsGoneWithTheTrainee) {
   showStart();
   askForCode(false);
   picture();
@@ -209,7 +209,7 @@ TEST_F(TraineeScreens, theFieldOfTheCodeIsGoneWithTheTrainee) {
   EXPECT_EQ(request.code, "") << "the typed code was tom's";
 }
 
-TEST_F(TraineeScreens, preparingCanBeCalledOff) {
+TEST_F(Screens, preparingCanBeCalledOff) {
   showStart();
   board_.change([](BoardState& state) {
     state.stage = Stage::kPreparing;
@@ -218,18 +218,18 @@ TEST_F(TraineeScreens, preparingCanBeCalledOff) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("preparing")));
 }
 
-TEST_F(TraineeScreens, lessonWithTheUsualAids) {
+TEST_F(Screens, lessonWithTheUsualAids) {
   showLesson(2.4);
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson")));
 }
 
-TEST_F(TraineeScreens, lessonInLargeLetters) {
+TEST_F(Screens, lessonInLargeLetters) {
   surface_->setFontScale(1.5);
   showLesson(2.4);
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_large")));
 }
 
-TEST_F(TraineeScreens, lessonWithUltrasound) {
+TEST_F(Screens, lessonWithUltrasound) {
   AidList aids = usualAids();
   aids.Add(pb::Exercise::ULTRASOUND);
   showLesson(3.2, aids);
@@ -238,13 +238,13 @@ TEST_F(TraineeScreens, lessonWithUltrasound) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_ultrasound"), tolerance));
 }
 
-TEST_F(TraineeScreens, lessonByFeel) {
+TEST_F(Screens, lessonByFeel) {
   showLesson(2.4, AidList{});
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_by_feel")));
 }
 
 // Each aid at once hides the item it names.
-TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
+TEST_F(Screens, everyAidShowsSomethingAndCanBeTakenAway) {
   with_plan_ = true;
   standing_.alarms = {{Alarm::kHazard, "axillary nerve"}};
   for (int number = pb::Exercise::Aid_MIN + 1; number <= pb::Exercise::Aid_MAX; ++number) {
@@ -263,7 +263,7 @@ TEST_F(TraineeScreens, everyAidShowsSomethingAndCanBeTakenAway) {
   }
 }
 
-TEST_F(TraineeScreens, aFaultIsShownOverThePictureAndEnterAcknowledges) {
+TEST_F(Screens, aFaultIsShownOverThePictureAndEnterAcknowledges) {
   showLesson(2.4);
   standing_.fault = Fault::kTipTooFast;
   board_.status(standing_);
@@ -273,7 +273,7 @@ TEST_F(TraineeScreens, aFaultIsShownOverThePictureAndEnterAcknowledges) {
   EXPECT_TRUE(requests_.takeAcknowledgement());
 }
 
-TEST_F(TraineeScreens, enterWithoutAFaultAcknowledgesNothing) {
+TEST_F(Screens, enterWithoutAFaultAcknowledgesNothing) {
   showLesson(1);
   picture();
   press(screen(), GLFW_KEY_ENTER);
@@ -281,7 +281,7 @@ TEST_F(TraineeScreens, enterWithoutAFaultAcknowledgesNothing) {
   EXPECT_FALSE(requests_.takeStop());
 }
 
-TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
+TEST_F(Screens, whatInstructorsSayAndWant) {
   showLesson(2.4);
   board_.change([](BoardState& state) {
     const std::int64_t noon_ns = 1'700'000'000'000'000'000;
@@ -296,7 +296,7 @@ TEST_F(TraineeScreens, whatInstructorsSayAndWant) {
   EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_messages")));
 }
 
-TEST_F(TraineeScreens, escapeAsksEnterGoesOnAndDeleteEnds) {
+TEST_F(Screens, escapeAsksEnterGoesOnAndDeleteEnds) {
   showLesson(1);
   picture();
   EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
@@ -316,7 +316,7 @@ TEST_F(TraineeScreens, escapeAsksEnterGoesOnAndDeleteEnds) {
   EXPECT_TRUE(requests_.takeStop());
 }
 
-TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
+TEST_F(Screens, mouseAndKeysBecomeWishesOfTheHand) {
   showLesson(0, usualAids(), true);
   picture();
   SteeringTarget request;
@@ -358,7 +358,7 @@ TEST_F(TraineeScreens, mouseAndKeysBecomeWishesOfTheHand) {
   EXPECT_EQ(request.X_WT.p, before);
 }
 
-TEST_F(TraineeScreens, endOfALessonThatWasNotPassed) {
+TEST_F(Screens, endOfALessonThatWasNotPassed) {
   showEnd(false);
   EXPECT_TRUE(looksLike(picture(), referenceOf("end_not_yet")));
   press(screen(), GLFW_KEY_ENTER);
@@ -370,7 +370,7 @@ TEST_F(TraineeScreens, endOfALessonThatWasNotPassed) {
   EXPECT_EQ(request.choice.exercise, "shoulder-bursa") << "the next try";
 }
 
-TEST_F(TraineeScreens, endShowsHowFarTheNeedleMissed) {
+TEST_F(Screens, endShowsHowFarTheNeedleMissed) {
   showEnd(false);
   picture(30);
   EXPECT_GT(changes([&] {
@@ -383,7 +383,7 @@ TEST_F(TraineeScreens, endShowsHowFarTheNeedleMissed) {
             2e-3);
 }
 
-TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
+TEST_F(Screens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   showEnd(true);
   board_.nextExercise("ines", "knee-recess");
   EXPECT_TRUE(looksLike(picture(30), referenceOf("end_passed")));
@@ -397,7 +397,7 @@ TEST_F(TraineeScreens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   EXPECT_EQ(request.kind, BoardRequest::Kind::kStart);
 }
 
-TEST_F(TraineeScreens, aBadgeAtTheEndLeadsToTheStartAndBeginsNothing) {
+TEST_F(Screens, aBadgeAtTheEndLeadsToTheStartAndBeginsNothing) {
   showEnd(true);
   picture(30);
   for (const char* piece : {"08", "154711"}) {
@@ -408,7 +408,7 @@ TEST_F(TraineeScreens, aBadgeAtTheEndLeadsToTheStartAndBeginsNothing) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kStart);
 }
 
-TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
+TEST_F(Screens, quittingAsksFirstAndEndsTheLesson) {
   showLesson(1);
   picture();
   for (const int harmless : {GLFW_KEY_ESCAPE, GLFW_KEY_ENTER}) {
@@ -427,7 +427,7 @@ TEST_F(TraineeScreens, quittingAsksFirstAndEndsTheLesson) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kQuit);
 }
 
-TEST_F(TraineeScreens, theFrameLogGivesTheSampleAndStartReadiness) {
+TEST_F(Screens, theFrameLogGivesTheSampleAndStartReadiness) {
   showStart();
   picture(2);
   EXPECT_EQ(window_->shownFrame().stage, Stage::kStart);
@@ -458,7 +458,7 @@ TEST_F(TraineeScreens, theFrameLogGivesTheSampleAndStartReadiness) {
   EXPECT_TRUE(window_->shownFrame().can_begin);
 }
 
-TEST_F(TraineeScreens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
+TEST_F(Screens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
   showEnd(false);
   picture(30);
   window_->askToQuit();
@@ -470,7 +470,7 @@ TEST_F(TraineeScreens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kBegin) << "now it is the screen's again";
 }
 
-TEST_F(TraineeScreens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
+TEST_F(Screens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
   auto window = TraineeWindow::make(board_, requests_, false);
   ASSERT_TRUE(window.ok()) << window.error().message;
   window_ = std::move(*window);
@@ -483,7 +483,7 @@ TEST_F(TraineeScreens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
   EXPECT_FALSE(board_.requestWaits());
 }
 
-TEST_F(TraineeScreens, aStationThatCannotWorkGivesTheReason) {
+TEST_F(Screens, aStationThatCannotWorkGivesTheReason) {
   board_.change([](BoardState& state) {
     state.stage = Stage::kFailed;
     state.trouble =

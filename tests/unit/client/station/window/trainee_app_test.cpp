@@ -7,7 +7,7 @@ namespace {
 
 using When = PictureRequest::When;
 
-TEST(PicturePlan, takesEachOnceWhenItsTimeHasCome) {
+TEST(TraineeApp, takesEachPictureOnceWhenItsTimeHasCome) {
   PicturePlan plan({{"start", When::kStart, 0},
                     {"early", When::kLesson, 0},
                     {"late", When::kLesson, 2},
@@ -32,7 +32,7 @@ TEST(PicturePlan, takesEachOnceWhenItsTimeHasCome) {
   EXPECT_TRUE(plan.done());
 }
 
-TEST(PicturePlan, aLessonThatEndedBeforeLeavesItMissing) {
+TEST(TraineeApp, aLessonThatEndedBeforeLeavesAPictureMissing) {
   PicturePlan plan({{"late", When::kLesson, 9}});
   EXPECT_TRUE(plan.due(Stage::kEnd, 10).empty());
   ASSERT_EQ(plan.missing().size(), 1u);
@@ -41,7 +41,7 @@ TEST(PicturePlan, aLessonThatEndedBeforeLeavesItMissing) {
 }
 
 // a program without a display relies on this to end, however few frames a busy machine drew
-TEST(PicturePlan, isDoneWithAnEndedLessonOnceItsEndIsShown) {
+TEST(TraineeApp, isDoneWithPicturesOfAnEndedLessonOnceItsEndIsShown) {
   PicturePlan plan({{"late", When::kLesson, 1}, {"end", When::kEnd, 0}});
   EXPECT_TRUE(plan.due(Stage::kLesson, 0.5).empty());
   EXPECT_FALSE(plan.done());

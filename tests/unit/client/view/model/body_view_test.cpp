@@ -36,7 +36,7 @@ Vec3 vertexNormal(const MeshVertex& vertex) {
           static_cast<double>(vertex.normal[2])};
 }
 
-TEST(BodyScene, hasTheVolumesStructuresAndItsEntryAtTheOrigin) {
+TEST(BodyView, hasTheVolumesStructuresAndItsEntryAtTheOrigin) {
   const SceneView& scene = shoulder();
   ASSERT_EQ(scene.layers.size(), static_cast<std::size_t>(shoulderProfile().volume().structures_size()));
   EXPECT_EQ(scene.layers[3].name, "deltoid");

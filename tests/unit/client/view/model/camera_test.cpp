@@ -52,7 +52,7 @@ TEST(InsertionPlane, isUprightThroughTheFocusAndFacesTheEye) {
   }
 }
 
-TEST(OrbitCamera, projectsAsTheMatricesThatOpenGlGets) {
+TEST(Camera, projectsAsTheMatricesThatOpenGlGets) {
   test::Random draw(1);
   for (int i = 0; i < 200; ++i) {
     const OrbitCamera camera = someCamera(draw);
@@ -67,7 +67,7 @@ TEST(OrbitCamera, projectsAsTheMatricesThatOpenGlGets) {
   }
 }
 
-TEST(OrbitCamera, theFocusIsCentredAndPointsBehindTheEyeAreHidden) {
+TEST(Camera, theFocusIsCentredAndPointsBehindTheEyeAreHidden) {
   test::Random draw(2);
   for (int i = 0; i < 50; ++i) {
     const OrbitCamera camera = someCamera(draw);
@@ -81,7 +81,7 @@ TEST(OrbitCamera, theFocusIsCentredAndPointsBehindTheEyeAreHidden) {
   }
 }
 
-TEST(OrbitCamera, aRayThroughAPixelMeetsThePointThatIsThere) {
+TEST(Camera, aRayThroughAPixelMeetsThePointThatIsThere) {
   test::Random draw(3);
   for (int i = 0; i < 100; ++i) {
     const OrbitCamera camera = someCamera(draw);
@@ -94,7 +94,7 @@ TEST(OrbitCamera, aRayThroughAPixelMeetsThePointThatIsThere) {
   }
 }
 
-TEST(OrbitCamera, upStaysUpInThePicture) {
+TEST(Camera, upStaysUpInThePicture) {
   test::Random draw(4);
   for (int i = 0; i < 50; ++i) {
     const OrbitCamera camera = someCamera(draw);
@@ -107,7 +107,7 @@ TEST(OrbitCamera, upStaysUpInThePicture) {
   }
 }
 
-TEST(OrbitCamera, aDragTurnsTheSceneWithThePointerAndHoldsItsElevation) {
+TEST(Camera, aDragTurnsTheSceneWithThePointerAndHoldsItsElevation) {
   OrbitCamera camera;
   // A point nearer than the focus moves with the pointer, to the right and down.
   const Vec3 front = camera.focus_W_m + (camera.eye_W_m() - camera.focus_W_m) * 0.3;
@@ -125,7 +125,7 @@ TEST(OrbitCamera, aDragTurnsTheSceneWithThePointerAndHoldsItsElevation) {
   EXPECT_DOUBLE_EQ(camera.distance_m, 2);
 }
 
-TEST(OrbitCamera, aShiftKeepsThePointUnderThePointer) {
+TEST(Camera, aShiftKeepsThePointUnderThePointer) {
   OrbitCamera camera;
   const auto before = camera.project(camera.focus_W_m, kWidth, kHeight);
   const Vec3 held = camera.focus_W_m;
@@ -136,7 +136,7 @@ TEST(OrbitCamera, aShiftKeepsThePointUnderThePointer) {
   EXPECT_NEAR(after->y_px - before->y_px, -25, 1e-6);
 }
 
-TEST(OrbitCamera, aSegmentIsClippedToThePictureAndTheNearPlane) {
+TEST(Camera, aSegmentIsClippedToThePictureAndTheNearPlane) {
   OrbitCamera camera;  // looks from x = 0.3 at the origin, z up
   camera.distance_m = 0.3;
   const double px_per_m = kHeight / 2 / std::tan(camera.field_of_view_rad / 2) / camera.distance_m;

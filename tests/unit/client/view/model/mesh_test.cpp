@@ -50,7 +50,7 @@ void expectSound(const Mesh& mesh, const char* what) {
   }
 }
 
-TEST(Meshes, haveTheVolumeOfTheirShape) {
+TEST(Mesh, hasTheVolumeOfItsShape) {
   const double ball = 4.0 / 3.0 * std::numbers::pi;
   expectSound(ballMesh(0.02, 24), "ball");
   EXPECT_NEAR(volumeOf(ballMesh(0.02, 24)) / (ball * 8e-6), 1, 0.02);

@@ -313,7 +313,7 @@ TEST(PlotQuantity, isKnownOfEachUnitThatMeasuresHave) {
   EXPECT_EQ(quantityOfUnit("kg"), PlotQuantity::kOther);
 }
 
-TEST(PlotGaps, aCurveIsBrokenWhereAGapLiesBetweenItsColumns) {
+TEST(Plot, aCurveIsBrokenWhereAGapLiesBetweenItsColumns) {
   Plot plot;
   plot.from = 100;
   plot.to = 110;

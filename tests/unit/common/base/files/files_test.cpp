@@ -155,7 +155,7 @@ TEST(AtomicFile, inASharedFolderALinkIsReplacedNotItsTarget) {
   EXPECT_EQ(entriesIn(folder.path()), 3u);
 }
 
-TEST(ReadWholeFile, missingFolderAndTooLargeAreInvalidInput) {
+TEST(Files, missingFolderAndTooLargeAreInvalidInput) {
   const test::TempFolder folder;
   for (const auto& file : {readWholeFile(folder.path() / "none"), readWholeFile(folder.path()),
                            readWholeFile(folder.write("big", "123456"), 5)}) {
@@ -166,7 +166,7 @@ TEST(ReadWholeFile, missingFolderAndTooLargeAreInvalidInput) {
   EXPECT_EQ(readWholeFile(folder.path() / "big", 6).value(), "123456");
 }
 
-TEST(ReadWholeFile, aPipeWithoutAWriterIsRefusedAtOnce) {
+TEST(Files, aPipeWithoutAWriterIsRefusedAtOnce) {
   const test::TempFolder folder;
   const auto pipe = folder.path() / "pipe";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);

@@ -9,13 +9,13 @@
 namespace needlelab {
 namespace {
 
-TEST(TextRules, charactersAreCountedNotBytes) {
+TEST(Text, charactersAreCountedNotBytes) {
   const std::pair<std::string_view, std::size_t> counts[] = {
       {"", 0}, {"force", 5}, {"\u00b5m", 2}, {"N\u00b7m", 3}, {"\u2264 4 \u20ac", 5}, {"\U0001f489", 1}};
   for (const auto& [text, characters] : counts) EXPECT_EQ(countCharacters(text), characters) << text;
 }
 
-TEST(TextRules, utf8IsDistinguishedFromOtherBytes) {
+TEST(Text, utf8IsDistinguishedFromOtherBytes) {
   for (const std::string_view good : {"", "abc", "é", "漢字", "🙂", "\x7f", "\xf4\x8f\xbf\xbf"})
     EXPECT_TRUE(isUtf8(good)) << good;
   const std::string bad[] = {"\x80",         "\xc3",         "\xc0\x80",          "\xc1\xbf",
@@ -61,7 +61,7 @@ TEST(FixedText, whatRoundsToZeroHasNoSign) {
   }
 }
 
-TEST(TextRules, namesHaveLengthAndNoControlCharacters) {
+TEST(Text, namesHaveLengthAndNoControlCharacters) {
   EXPECT_TRUE(checkName("name", "Anna-Lena Müller").ok());
   EXPECT_TRUE(checkName("name", "10 \u00b5m, caf\u00e9").ok());  // U+00A0 and above are letters and signs
   EXPECT_TRUE(checkName("name", std::string(kMaxNameBytes, 'x')).ok());
@@ -75,7 +75,7 @@ TEST(TextRules, namesHaveLengthAndNoControlCharacters) {
   }
 }
 
-TEST(TextRules, newNamesFitIntoAddressesOfTheWeb) {
+TEST(Text, newNamesFitIntoAddressesOfTheWeb) {
   for (const std::string_view good : {"Anna-Lena Müller", "a.b", "...", "a\\b", "50 %", "x"})
     EXPECT_TRUE(checkNewName("name", good).ok()) << good;
   for (const std::string_view bad : {"a/b", "/", "//a", "b/", ".", ".."}) {
@@ -88,13 +88,13 @@ TEST(TextRules, newNamesFitIntoAddressesOfTheWeb) {
   EXPECT_FALSE(checkNewName("name", " a").ok()) << "an invalid name is not a new one";
 }
 
-TEST(TextRules, aControlCharacterIsNamed) {
+TEST(Text, aControlCharacterIsNamed) {
   EXPECT_EQ(checkText("note", "a\x1b[2J", 0, 9).error().message, "note: holds a control character (U+001B)");
   EXPECT_EQ(checkText("note", "a\xc2\x9b", 0, 9).error().message, "note: holds a control character (U+009B)");
   EXPECT_EQ(checkText("note", "\x7f", 0, 9).error().message, "note: holds a control character (U+007F)");
 }
 
-TEST(TextRules, newTextContainsNoInvisibleCharacters) {
+TEST(Text, newTextContainsNoInvisibleCharacters) {
   struct Row {
     const char *text, *character;
     int byte;  // position of the character, from 1
@@ -132,7 +132,7 @@ TEST(TextRules, newTextContainsNoInvisibleCharacters) {
   }
 }
 
-TEST(TextRules, namesOfAllScriptsAreNames) {
+TEST(Text, namesOfAllScriptsAreNames) {
   for (const char* name : {"Zoë Müller", "אברהם בן־דוד", "محمد رضا", "علی\u200cرضا", "क्\u200dष", "ދިވެހި",
                            "Nguyễn Văn", "李小龍", "Владимир", "O’Neill"}) {
     EXPECT_TRUE(checkNewText("full_name", name, 1, 200).ok()) << name;
@@ -142,7 +142,7 @@ TEST(TextRules, namesOfAllScriptsAreNames) {
   }
 }
 
-TEST(TextRules, hiddenCharactersFromBeforeAreWrittenOut) {
+TEST(Text, hiddenCharactersFromBeforeAreWrittenOut) {
   EXPECT_EQ(showHidden("Tom \u202eegroeG\u202c!"), "Tom [U+202E]egroeG[U+202C]!");
   EXPECT_EQ(printable("a\u200b\x1b\u2066"), "a[U+200B]?[U+2066]");
   EXPECT_EQ(showHidden("\xf3\xa0\x81\x81"), "[U+E0041]");
@@ -151,13 +151,13 @@ TEST(TextRules, hiddenCharactersFromBeforeAreWrittenOut) {
   EXPECT_EQ(showHidden(""), "");
 }
 
-TEST(TextRules, notesMayHaveLines) {
+TEST(Text, notesMayHaveLines) {
   EXPECT_TRUE(checkNote("text", "one\ntwo\tthree\r\n", 1, 100).ok());
   EXPECT_FALSE(checkNote("text", std::string("a\0b", 3), 1, 100).ok());
   EXPECT_FALSE(checkNote("text", "\x1b[2J", 1, 100).ok());
 }
 
-TEST(TextRules, aCodeIs4To64PrintableAsciiCharactersNeverQuoted) {
+TEST(Text, aCodeIs4To64PrintableAsciiCharactersNeverQuoted) {
   for (const std::string& code : {std::string("0815"), std::string("badge 7/b~"), std::string(64, '~')})
     EXPECT_TRUE(checkCode(code).ok()) << code;
   for (const std::string& code : {std::string(), std::string("123"), std::string(65, '7'),

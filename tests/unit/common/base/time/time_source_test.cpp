@@ -13,14 +13,14 @@ namespace {
 
 constexpr std::int64_t kMillisecond = 1'000'000;
 
-TEST(MachineTime, neverWakesBeforeTheDueTime) {
+TEST(TimeSource, neverWakesBeforeTheDueTime) {
   TimeSource& time = machineTime();
   const std::int64_t due_ns = time.nowNs() + 2 * kMillisecond;
   time.sleepUntilNs(due_ns);
   EXPECT_GE(time.nowNs(), due_ns);
 }
 
-TEST(MachineTime, aWaitEndsAtItsDueTimeWithoutANotification) {
+TEST(TimeSource, aWaitEndsAtItsDueTimeWithoutANotification) {
   TimeSource& time = machineTime();
   std::mutex mutex;
   std::condition_variable changed;
@@ -31,7 +31,7 @@ TEST(MachineTime, aWaitEndsAtItsDueTimeWithoutANotification) {
   EXPECT_TRUE(lock.owns_lock());
 }
 
-TEST(MachineTime, aWaitEndsWithTheNotification) {
+TEST(TimeSource, aWaitEndsWithTheNotification) {
   TimeSource& time = machineTime();
   std::mutex mutex;
   std::condition_variable changed;
@@ -49,7 +49,7 @@ TEST(MachineTime, aWaitEndsWithTheNotification) {
 }
 
 // the signal comes before or during the wait; without it the wait would take an hour
-TEST(MachineTime, aSignalEndsAWait) {
+TEST(TimeSource, aSignalEndsAWait) {
   const BlockedSignals blocked({SIGUSR1, SIGUSR2});
   TimeSource& time = machineTime();
   const std::int64_t due_ns = time.nowNs() + 3600 * 1000 * kMillisecond;
@@ -61,7 +61,7 @@ TEST(MachineTime, aSignalEndsAWait) {
   EXPECT_EQ(time.waitForSignalUntilNs(blocked.set(), time.nowNs()), 0);
 }
 
-TEST(MachineTime, aWaitForASignalEndsAtItsDueTimeWithoutOne) {
+TEST(TimeSource, aWaitForASignalEndsAtItsDueTimeWithoutOne) {
   const BlockedSignals blocked({SIGUSR1});
   TimeSource& time = machineTime();
   const std::int64_t due_ns = time.nowNs() + 2 * kMillisecond;

@@ -54,7 +54,7 @@ const std::pair<std::uint32_t, Fault> kOwnFaults[] = {{kDeviceEmergencyStop, Fau
                                                       {kDeviceOverheated, Fault::kDeviceOverheated},
                                                       {kDeviceTrouble, Fault::kDeviceTrouble}};
 
-TEST(GateCondition, aDeviceFaultCountsAtOnceEvenWithoutASample) {
+TEST(ForceGateCondition, aDeviceFaultCountsAtOnceEvenWithoutASample) {
   for (const auto& [flag, fault] : kOwnFaults)
     for (const bool fresh : {true, false}) {
       Bench b;
@@ -70,7 +70,7 @@ TEST(GateCondition, aDeviceFaultCountsAtOnceEvenWithoutASample) {
     }
 }
 
-TEST(GateCondition, ticksMissedBeforeAnOutsideFaultDoNotShortenItsRamp) {
+TEST(ForceGateCondition, ticksMissedBeforeAnOutsideFaultDoNotShortenItsRamp) {
   Bench b;
   b.running();
   b.gate.raiseFromOutside(Fault::kProgramTrouble);
@@ -80,7 +80,7 @@ TEST(GateCondition, ticksMissedBeforeAnOutsideFaultDoNotShortenItsRamp) {
   EXPECT_NEAR(b.tick(), 3.0 * (1 - 5 * kFall), 1e-9) << "what it misses in the ramp is";
 }
 
-TEST(GateCondition, theContinuousLimitCountsTimeAcrossMissedTicks) {
+TEST(ForceGateCondition, theContinuousLimitCountsTimeAcrossMissedTicks) {
   Bench b;
   b.wanted_N = 10;
   b.elapsed = 3;  // two of three ticks are missed; the device continues with its last force
@@ -99,7 +99,7 @@ TEST(GateCondition, theContinuousLimitCountsTimeAcrossMissedTicks) {
   EXPECT_GT(energy, 0.5 * 30 * 3.0 * 3.0) << "and it is used, though the share stays while the force does";
 }
 
-TEST(GateCondition, reportedOnlyConditionsRemoveNoForce) {
+TEST(ForceGateCondition, reportedOnlyConditionsRemoveNoForce) {
   Bench b;
   b.running();
   b.condition = kDeviceSaturated | kDeviceOverrun;
@@ -107,7 +107,7 @@ TEST(GateCondition, reportedOnlyConditionsRemoveNoForce) {
   EXPECT_EQ(b.gate.flags(), 0u);
 }
 
-TEST(GateCondition, theEmergencyStopNamesTheFaultAndLaterOnesDoNot) {
+TEST(ForceGateCondition, theEmergencyStopNamesTheFaultAndLaterOnesDoNot) {
   Bench b;
   b.running();
   b.condition = kDeviceFaultFlags;
@@ -123,7 +123,7 @@ TEST(GateCondition, theEmergencyStopNamesTheFaultAndLaterOnesDoNot) {
   EXPECT_EQ(later.gate.faultsRaised(), 1u);
 }
 
-TEST(GateCondition, anAcknowledgementBeforeTheFirstTickWithoutTheCauseDoesNotCount) {
+TEST(ForceGateCondition, anAcknowledgementBeforeTheFirstTickWithoutTheCauseDoesNotCount) {
   // without a tick between, found by a simulated run: the cause ended while the device was read, after the
   // acknowledgement
   for (const bool lasts : {true, false}) {
@@ -151,7 +151,7 @@ TEST(GateCondition, anAcknowledgementBeforeTheFirstTickWithoutTheCauseDoesNotCou
   }
 }
 
-TEST(GateCondition, acknowledgedInTheTissueItWaitsForTheNeedleToBeOutside) {
+TEST(ForceGateCondition, acknowledgedInTheTissueItWaitsForTheNeedleToBeOutside) {
   Bench b;
   b.running();
   b.condition = kDeviceEmergencyStop;
@@ -167,7 +167,7 @@ TEST(GateCondition, acknowledgedInTheTissueItWaitsForTheNeedleToBeOutside) {
   EXPECT_TRUE(b.admitted) << "the first tick of the new start is the one that is outside";
 }
 
-TEST(GateCondition, theTipMustBeOutsideAgainAfterTheAcknowledgement) {
+TEST(ForceGateCondition, theTipMustBeOutsideAgainAfterTheAcknowledgement) {
   Bench b;
   b.running();
   b.condition = kDeviceTrouble;
@@ -182,7 +182,7 @@ TEST(GateCondition, theTipMustBeOutsideAgainAfterTheAcknowledgement) {
   EXPECT_EQ(b.gate.fault(), Fault::kDeviceTrouble);
 }
 
-TEST(GateCondition, anEmergencyStopInTheMiddleOfSilenceIsNamed) {
+TEST(ForceGateCondition, anEmergencyStopInTheMiddleOfSilenceIsNamed) {
   Bench b;
   b.running();
   b.fresh = false;
@@ -199,7 +199,7 @@ TEST(GateCondition, anEmergencyStopInTheMiddleOfSilenceIsNamed) {
   EXPECT_FALSE(b.gate.acknowledged());
 }
 
-TEST(GateCondition, aFaultWithinTheStartRampGoesFromWhereItIs) {
+TEST(ForceGateCondition, aFaultWithinTheStartRampGoesFromWhereItIs) {
   Bench b;
   b.wanted_N = 3;
   const double reached = b.run(60);
@@ -209,7 +209,7 @@ TEST(GateCondition, aFaultWithinTheStartRampGoesFromWhereItIs) {
   EXPECT_EQ(b.tick(), 0.0);
 }
 
-TEST(GateCondition, aHoldRemovesAndRestoresForceByItself) {
+TEST(ForceGateCondition, aHoldRemovesAndRestoresForceByItself) {
   for (const std::uint32_t flag : {kDeviceReleased, kDevicePowerOff, kDeviceNotReady}) {
     Bench b;
     b.running();
@@ -230,7 +230,7 @@ TEST(GateCondition, aHoldRemovesAndRestoresForceByItself) {
 
 // |out_k − out_{k−1}| ≤ 1/20 of the wanted force + the change of the wanted force, whatever the device
 // reports
-TEST(GateCondition, noHoldHoweverItComesAndGoesMakesAForceStep) {
+TEST(ForceGateCondition, noHoldHoweverItComesAndGoesMakesAForceStep) {
   Random random(4);
   for (int run = 0; run < 50; ++run) {
     Bench b;
@@ -253,7 +253,7 @@ TEST(GateCondition, noHoldHoweverItComesAndGoesMakesAForceStep) {
   }
 }
 
-TEST(GateCondition, aHoldThatFlickersEachTickLeavesNextToNothing) {
+TEST(ForceGateCondition, aHoldThatFlickersEachTickLeavesNextToNothing) {
   Bench b;
   b.running();
   for (int k = 0; k < 200; ++k) {
@@ -265,7 +265,7 @@ TEST(GateCondition, aHoldThatFlickersEachTickLeavesNextToNothing) {
   }
 }
 
-TEST(GateCondition, holdsAndFaultsOverlapWithoutEndingEachOther) {
+TEST(ForceGateCondition, holdsAndFaultsOverlapWithoutEndingEachOther) {
   Bench b;
   b.running();
   b.condition = kDeviceTrouble | kDeviceReleased;
@@ -282,7 +282,7 @@ TEST(GateCondition, holdsAndFaultsOverlapWithoutEndingEachOther) {
   EXPECT_NEAR(b.tick(), 3 * kRise, 1e-9);
 }
 
-TEST(GateCondition, aFaultWithinAHoldsFallGoesOnFalling) {
+TEST(ForceGateCondition, aFaultWithinAHoldsFallGoesOnFalling) {
   Bench b;
   b.running();
   b.condition = kDeviceReleased;
@@ -292,7 +292,7 @@ TEST(GateCondition, aFaultWithinAHoldsFallGoesOnFalling) {
   for (int k = 1; k <= 20; ++k) ASSERT_NEAR(b.tick(), reached * (1 - k * kFall), 1e-9);
 }
 
-TEST(GateCondition, aDeviceThatIsNotReadyMayBeSilentOthersMayNot) {
+TEST(ForceGateCondition, aDeviceThatIsNotReadyMayBeSilentOthersMayNot) {
   Bench b;
   b.running();
   b.condition = kDeviceNotReady;
@@ -304,7 +304,7 @@ TEST(GateCondition, aDeviceThatIsNotReadyMayBeSilentOthersMayNot) {
   EXPECT_EQ(b.gate.fault(), Fault::kDeviceSilent);
 }
 
-TEST(GateCondition, theThermalBudgetHoldsOverHolds) {
+TEST(ForceGateCondition, theThermalBudgetHoldsOverHolds) {
   Bench b;
   b.running();
   b.wanted_N = 6;
@@ -324,7 +324,7 @@ TEST(GateCondition, theThermalBudgetHoldsOverHolds) {
   EXPECT_GT(worst, 2.5) << "and time without force gives the budget back";
 }
 
-TEST(GateCondition, anOutsideFaultLastsAsLongAsItIsRaised) {
+TEST(ForceGateCondition, anOutsideFaultLastsAsLongAsItIsRaised) {
   Bench b;
   b.running();
   b.outside = true;
@@ -341,7 +341,7 @@ TEST(GateCondition, anOutsideFaultLastsAsLongAsItIsRaised) {
   EXPECT_EQ(b.gate.faultsRaised(), 1u);
 }
 
-TEST(GateCondition, aTipThatGoesOnJumpingIsACauseThatLasts) {
+TEST(ForceGateCondition, aTipThatGoesOnJumpingIsACauseThatLasts) {
   Bench b;
   b.running();
   b.outside = true;
@@ -361,7 +361,7 @@ TEST(GateCondition, aTipThatGoesOnJumpingIsACauseThatLasts) {
   EXPECT_EQ(b.gate.fault(), Fault::kNone);
 }
 
-TEST(GateCondition, excessSpeedAtTheAcknowledgementRemainsOneFault) {
+TEST(ForceGateCondition, excessSpeedAtTheAcknowledgementRemainsOneFault) {
   Bench b;
   b.running();
   b.outside = true;
@@ -373,7 +373,7 @@ TEST(GateCondition, excessSpeedAtTheAcknowledgementRemainsOneFault) {
   EXPECT_EQ(b.gate.faultsRaised(), 1u);
 }
 
-TEST(GateCondition, afterAStallOfTheLoopTheForceFadesInAgain) {
+TEST(ForceGateCondition, afterAStallOfTheLoopTheForceFadesInAgain) {
   Bench b;
   b.running();
   b.elapsed = 21;  // 20 missed: the watchdog's limit, no fault yet
@@ -387,7 +387,7 @@ TEST(GateCondition, afterAStallOfTheLoopTheForceFadesInAgain) {
   EXPECT_EQ(b.tick(), 3.0);
 }
 
-TEST(GateCondition, missedTicksOfASilentDeviceCountAsSilence) {
+TEST(ForceGateCondition, missedTicksOfASilentDeviceCountAsSilence) {
   Bench b;
   b.running();
   b.fresh = false;
@@ -396,7 +396,7 @@ TEST(GateCondition, missedTicksOfASilentDeviceCountAsSilence) {
   EXPECT_EQ(b.gate.fault(), Fault::kDeviceSilent) << "in the first tick after 20 missed ones";
 }
 
-TEST(GateCondition, missedTicksDoNotMakeTheRampLater) {
+TEST(ForceGateCondition, missedTicksDoNotMakeTheRampLater) {
   Bench b;
   b.running();
   b.condition = kDeviceLost;
@@ -408,7 +408,7 @@ TEST(GateCondition, missedTicksDoNotMakeTheRampLater) {
   EXPECT_EQ(b.tick(), 0.0);
 }
 
-TEST(GateCondition, underFuzzForceStaysLimitedAndNeverReturnsByItself) {
+TEST(ForceGateCondition, underFuzzForceStaysLimitedAndNeverReturnsByItself) {
   Random random(77);
   Bench b;
   b.running();

@@ -53,7 +53,7 @@ struct StartedGate {
   }
 };
 
-TEST(GateWrench, thePeakLimitKeepsTheDirectionOfForceAndTorqueTogether) {
+TEST(ForceGateWrench, thePeakLimitKeepsTheDirectionOfForceAndTorqueTogether) {
   Random random(1);
   DeviceLimits limits;
   limits.continuous_force_N = limits.continuous_torque_Nm = kHuge;
@@ -76,7 +76,7 @@ TEST(GateWrench, thePeakLimitKeepsTheDirectionOfForceAndTorqueTogether) {
   EXPECT_GT(by_torque, 30);
 }
 
-TEST(GateWrench, theThermalBudgetKeepsTheDirectionOfForceAndTorqueTogether) {
+TEST(ForceGateWrench, theThermalBudgetKeepsTheDirectionOfForceAndTorqueTogether) {
   Random random(2);
   int limited = 0;
   for (int i = 0; i < 40; ++i) {
@@ -95,7 +95,7 @@ TEST(GateWrench, theThermalBudgetKeepsTheDirectionOfForceAndTorqueTogether) {
   EXPECT_GT(limited, 20);
 }
 
-TEST(GateWrench, slewTakesForceAndTorqueTheSameFractionOfTheWay) {
+TEST(ForceGateWrench, slewTakesForceAndTorqueTheSameFractionOfTheWay) {
   Random random(3);
   int limited = 0;
   for (int i = 0; i < 300; ++i) {
@@ -121,7 +121,7 @@ TEST(GateWrench, slewTakesForceAndTorqueTheSameFractionOfTheWay) {
   EXPECT_GT(limited, 300);
 }
 
-TEST(GateWrench, theShareFallsAtOnceAndRisesOnlyNearZeroWrench) {
+TEST(ForceGateWrench, theShareFallsAtOnceAndRisesOnlyNearZeroWrench) {
   DeviceLimits limits;
   limits.continuous_force_N = limits.continuous_torque_Nm = kHuge;
   StartedGate r(limits);
@@ -147,7 +147,7 @@ TEST(GateWrench, theShareFallsAtOnceAndRisesOnlyNearZeroWrench) {
   EXPECT_EQ(r.run(tip(3, 0.1), 10), tip(3, 0.1));
 }
 
-TEST(GateWrench, aDeviceWithoutTorqueKeepsItsForce) {
+TEST(ForceGateWrench, aDeviceWithoutTorqueKeepsItsForce) {
   DeviceLimits limits;
   limits.peak_torque_Nm = limits.continuous_torque_Nm = 0;
   StartedGate r(limits);
@@ -284,7 +284,7 @@ double mostGainOfAnyCycle_J(const std::function<Limiter()>& limiter, int hands) 
   return max_J;
 }
 
-TEST(GateWrench, noCycleOfALeaningHandGainsATenthOfAMillijoule) {
+TEST(ForceGateWrench, noCycleOfALeaningHandGainsATenthOfAMillijoule) {
   const auto gate = [] { return gateOf({}); };
   EXPECT_LE(mostGainOfFoundCycle_J(gate), kMostGain_J);
   EXPECT_LE(mostGainOfAnyCycle_J(gate, 40), kMostGain_J);
@@ -295,18 +295,18 @@ TEST(GateWrench, noCycleOfALeaningHandGainsATenthOfAMillijoule) {
   }
 }
 
-TEST(GateWrench, controlSeparateSharesPayTheHand) {
+TEST(ForceGateWrench, controlSeparateSharesPayTheHand) {
   EXPECT_GT(mostGainOfFoundCycle_J(separateShares), 1e-3);
   EXPECT_GT(mostGainOfAnyCycle_J(separateShares, 40), 1e-3);
 }
 
-TEST(GateWrench, controlWithoutALimitTheHandsWorkIsThatOfSprings) {
+TEST(ForceGateWrench, controlWithoutALimitTheHandsWorkIsThatOfSprings) {
   const auto none = [] { return Limiter([](const Wrench& wanted) { return wanted; }); };
   EXPECT_LE(mostGainOfFoundCycle_J(none), 1e-5);
   EXPECT_LE(mostGainOfAnyCycle_J(none, 40), 1e-5);
 }
 
-TEST(GateWrench, aShareRisingAtASoftSpringGivesLittleEnergy) {
+TEST(ForceGateWrench, aShareRisingAtASoftSpringGivesLittleEnergy) {
   LeaningHand hand(gateOf({}));
   hand.lever_m = 0;
   hand.across_N_per_m = 400;

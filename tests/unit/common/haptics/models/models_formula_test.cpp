@@ -20,7 +20,7 @@ SceneSpec twoLayers(AxialModel model) {
   return likeForLike(scene, model);
 }
 
-TEST(DirectModel, isASpringFromTheSurfaceUpToTheLayersForce) {
+TEST(ModelsFormula, directIsASpringFromTheSurfaceUpToTheLayersForce) {
   Probe probe(twoLayers(AxialModel::kDirect), 1000);
   probe.at(-0.001);
   EXPECT_DOUBLE_EQ(probe.at(0.001).cutting_N, -0.5);
@@ -34,7 +34,7 @@ TEST(DirectModel, isASpringFromTheSurfaceUpToTheLayersForce) {
   EXPECT_DOUBLE_EQ(deep.at(0.012).cutting_N, -6.0);
 }
 
-TEST(VoigtModel, addsTheDamperAndNeverPulls) {
+TEST(ModelsFormula, voigtAddsTheDamperAndNeverPulls) {
   Probe probe(twoLayers(AxialModel::kVoigt), 1000);  // 500 N/m, 5 N·s/m
   probe.at(-0.001);
   EXPECT_NEAR(probe.at(0.0002).cutting_N, -(500 * 0.0002 + 5 * 0.2), 1e-12) << "x = 0 at the tick before";
@@ -44,7 +44,7 @@ TEST(VoigtModel, addsTheDamperAndNeverPulls) {
   EXPECT_EQ(probe.last().attracted_N, 0.0);
 }
 
-TEST(VoigtModel, anAdaptiveWindowBridgesNoiseAndShortensAtStarts) {
+TEST(ModelsFormula, voigtsAdaptiveWindowBridgesNoiseAndShortensAtStarts) {
   SceneSpec scene = twoLayers(AxialModel::kVoigt);
   scene.voigt.velocity_noise_m = 1.1e-5;  // for positions off by 10 µm
   Probe probe(scene, 1000);
@@ -59,13 +59,13 @@ TEST(VoigtModel, anAdaptiveWindowBridgesNoiseAndShortensAtStarts) {
   EXPECT_NEAR(probe.last().cutting_N, -(500 * 0.002395 + 5 * 0.01), 1e-9);
 }
 
-TEST(VoigtModel, refusesAnInvalidNoise) {
+TEST(ModelsFormula, voigtRefusesAnInvalidNoise) {
   SceneSpec scene = twoLayers(AxialModel::kVoigt);
   scene.voigt.velocity_noise_m = -1e-6;
   EXPECT_FALSE(compile(scene, 1000).ok());
 }
 
-TEST(GodObjectModel, holdsOnEachTopLetsThroughAndIsForcelessBetween) {
+TEST(ModelsFormula, godObjectHoldsOnEachTopLetsThroughAndIsForcelessBetween) {
   Probe probe(twoLayers(AxialModel::kGodObject), 1000);
   probe.at(-0.001);
   EXPECT_DOUBLE_EQ(probe.at(0.0015).cutting_N, -0.75);
@@ -84,7 +84,7 @@ TEST(GodObjectModel, holdsOnEachTopLetsThroughAndIsForcelessBetween) {
   EXPECT_DOUBLE_EQ(probe.at(0.001).cutting_N, -0.5) << "a new insertion meets the skin again";
 }
 
-TEST(GodObjectModel, aLayerTopPassedEarlierIsMetAtItsPlace) {
+TEST(ModelsFormula, godObjectMeetsALayerTopPassedEarlierAtItsPlace) {
   SceneSpec scene = twoLayers(AxialModel::kGodObject);
   scene.layers[0].thickness_m = 0.001;  // the second top lies within the first's reach of 2 mm
   Probe probe(scene, 1000);
@@ -101,7 +101,7 @@ SceneSpec firstOrderScene() {
   return scene;
 }
 
-TEST(FirstOrderModel, isStiffnessThenCuttingAndFriction) {
+TEST(ModelsFormula, firstOrderIsStiffnessThenCuttingAndFriction) {
   Probe probe(firstOrderScene(), 1000);  // K_t 500, K_f 140
   probe.at(-0.001);
   StepReport r = probe.at(0.0015);
@@ -130,7 +130,7 @@ TEST(FirstOrderModel, isStiffnessThenCuttingAndFriction) {
   EXPECT_EQ(r.attracted_N, 0.0);
 }
 
-TEST(FirstOrderModel, refusesPunctureAndShaftFrictionByName) {
+TEST(ModelsFormula, firstOrderRefusesPunctureAndShaftFrictionByName) {
   for (const Effect effect : {Effect::kPuncture, Effect::kShaftFriction}) {
     SceneSpec scene = firstOrderScene();
     scene.effects |= bitOf(effect);
@@ -142,7 +142,7 @@ TEST(FirstOrderModel, refusesPunctureAndShaftFrictionByName) {
   }
 }
 
-TEST(PrecomputedModel, isTheTableByTheWall) {
+TEST(ModelsFormula, precomputedIsTheTableByTheWall) {
   SceneSpec scene = twoLayers(AxialModel::kEnhancedTrackingWall);
   scene.axial_model = AxialModel::kPrecomputed;
   scene.precomputed.table = {{0.002, 1.0, 0.2}, {0.012, 3.0, 0.6}};

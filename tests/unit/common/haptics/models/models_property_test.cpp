@@ -10,7 +10,7 @@
 namespace needlelab::test {
 namespace {
 
-class EveryModel : public testing::TestWithParam<AxialModel> {
+class ModelsProperty : public testing::TestWithParam<AxialModel> {
  protected:
   // u turns often
   static SceneSpec turning(LimbKind limb = LimbKind::kPlane) {
@@ -20,7 +20,7 @@ class EveryModel : public testing::TestWithParam<AxialModel> {
   }
 };
 
-TEST_P(EveryModel, pushesOnlyAgainstInsertionUnlessItHasAnAttractedForce) {
+TEST_P(ModelsProperty, pushesOnlyAgainstInsertionUnlessItHasAnAttractedForce) {
   const bool attracts =
       GetParam() == AxialModel::kEnhancedTrackingWall || GetParam() == AxialModel::kPrecomputed;
   double attracted_N = 0, cutting_N = 0;
@@ -38,7 +38,7 @@ TEST_P(EveryModel, pushesOnlyAgainstInsertionUnlessItHasAnAttractedForce) {
   EXPECT_LT(cutting_N, -0.1);
 }
 
-TEST_P(EveryModel, withoutCuttingItGivesNothing) {
+TEST_P(ModelsProperty, withoutCuttingItGivesNothing) {
   SceneSpec scene = modelScene(GetParam());
   scene.effects = 0;
   for (const StepReport& r : EngineRun(scene, 1000).run(randomGesture(3, 1000, defaultSite())))
@@ -47,7 +47,7 @@ TEST_P(EveryModel, withoutCuttingItGivesNothing) {
 
 // a tip that stands still while u turns under it: springs attached to positions on u follow; springs on the
 // surface (DIRECT, VOIGT) only see x grow with the turn
-TEST_P(EveryModel, aTurnMakesNoJump) {
+TEST_P(ModelsProperty, aTurnMakesNoJump) {
   const double stiffness = compiled(turning(), 1000).axial_stiffness_N_per_m;
   const bool on_surface = GetParam() == AxialModel::kDirect || GetParam() == AxialModel::kVoigt;
   int turns = 0;
@@ -82,7 +82,7 @@ TEST_P(EveryModel, aTurnMakesNoJump) {
   EXPECT_GT(turns, 100);
 }
 
-TEST_P(EveryModel, anExitResetsAllButTheNumberOfInsertions) {
+TEST_P(ModelsProperty, anExitResetsAllButTheNumberOfInsertions) {
   // the same insertion twice: equal forces, unless each insertion is drawn again
   const Site site = defaultSite();
   const Motion one = insertHoldWithdraw(1000, site, site.inward, site.inward, 0.03, 0.03, 0.2);
@@ -94,7 +94,7 @@ TEST_P(EveryModel, anExitResetsAllButTheNumberOfInsertions) {
   EXPECT_EQ(difference_N > 0, GetParam() == AxialModel::kStatistical);
 }
 
-TEST_P(EveryModel, aStateCopyIsASnapshotAndItsHashComplete) {
+TEST_P(ModelsProperty, aStateCopyIsASnapshotAndItsHashComplete) {
   const Motion motion = randomGesture(31, 1000, defaultSite());
   EngineRun run(turning(), 1000);
   for (std::size_t k = 0; k < motion.size() / 2; ++k) run.step(motion[k]);
@@ -107,7 +107,7 @@ TEST_P(EveryModel, aStateCopyIsASnapshotAndItsHashComplete) {
   }
 }
 
-TEST_P(EveryModel, aTickUsesNoHeap) {
+TEST_P(ModelsProperty, aTickUsesNoHeap) {
   for (const LimbKind limb : kLimbKinds) {
     const auto model = std::make_unique<SceneModel>(compiled(turning(limb), 1000));
     const auto state = std::make_unique<SimState>();
@@ -124,7 +124,7 @@ TEST_P(EveryModel, aTickUsesNoHeap) {
 }
 
 // a membrane that holds keeps the walls in place, under every model that allows PUNCTURE
-TEST_P(EveryModel, worksWithHoldingMembranes) {
+TEST_P(ModelsProperty, worksWithHoldingMembranes) {
   SceneSpec scene = paperOneDof();
   scene.layers[0].membrane = MembraneSpec{1000, 0, 3};
   scene.effects |= bitOf(Effect::kPuncture);
@@ -147,7 +147,7 @@ TEST_P(EveryModel, worksWithHoldingMembranes) {
     EXPECT_EQ(r.cutting_N, 0.0) << "nothing is cut beyond a membrane that holds";
 }
 
-INSTANTIATE_TEST_SUITE_P(Models, EveryModel, testing::ValuesIn(kAllModels),
+INSTANTIATE_TEST_SUITE_P(Models, ModelsProperty, testing::ValuesIn(kAllModels),
                          [](const auto& one) { return std::string(axialModelName(one.param)); });
 
 }  // namespace

@@ -62,9 +62,9 @@ Worst compare(const SceneSpec& scene, double rate_hz, const Motion& motion) {
   return worst;
 }
 
-class ModelReference : public testing::TestWithParam<AxialModel> {};
+class ModelsReference : public testing::TestWithParam<AxialModel> {};
 
-TEST_P(ModelReference, agreesOnRandomGesturesOnEveryLimb) {
+TEST_P(ModelsReference, agreesOnRandomGesturesOnEveryLimb) {
   constexpr int kChosen =
       4;  // each of these turns and acts; among the nightly form's others one is too short to turn
   const int gestures = longForm() ? 40 : kChosen;
@@ -92,7 +92,7 @@ TEST_P(ModelReference, agreesOnRandomGesturesOnEveryLimb) {
   }
 }
 
-TEST_P(ModelReference, agreesOnManyEntriesAndOnAQuantisedTip) {
+TEST_P(ModelsReference, agreesOnManyEntriesAndOnAQuantisedTip) {
   const Site site = defaultSite();
   const Motion motion = joined(quantised(multipleEntries(5, 1000, site, 4), 0x1p-15),
                                insertHoldWithdraw(1000, site, site.inward, site.inward, 0.045, 0.05, 1.0));
@@ -102,7 +102,7 @@ TEST_P(ModelReference, agreesOnManyEntriesAndOnAQuantisedTip) {
 }
 
 // a tip that jumps through several layers in one tick
-TEST_P(ModelReference, agreesWhereTheTipJumps) {
+TEST_P(ModelsReference, agreesWhereTheTipJumps) {
   Random random(8);
   const SceneSpec scene = modelScene(GetParam());
   Motion motion;
@@ -113,7 +113,7 @@ TEST_P(ModelReference, agreesWhereTheTipJumps) {
 }
 
 // FEM has its own tests (tests/unit/common/fem)
-INSTANTIATE_TEST_SUITE_P(Models, ModelReference, testing::ValuesIn(kAllModels.begin(), kAllModels.end() - 1),
+INSTANTIATE_TEST_SUITE_P(Models, ModelsReference, testing::ValuesIn(kAllModels.begin(), kAllModels.end() - 1),
                          [](const auto& one) { return std::string(axialModelName(one.param)); });
 
 }  // namespace

@@ -103,7 +103,7 @@ TEST(ScoreProcess, theWayThereDoesNotMatterAndNothingJumps) {
 }
 
 // issue 3: the 95 % band covers 93–97 % of 10,000 draws
-TEST(StatisticalModel, theBandHasItsStatedCoverage) {
+TEST(ModelsStatistical, theBandHasItsStatedCoverage) {
   const StatisticalTarget target(porcine());
   constexpr int kDraws = 10'000;
   for (const double depth_m : {0.001, 0.004, 0.0123, 0.035, 0.06}) {
@@ -125,7 +125,7 @@ TEST(StatisticalModel, theBandHasItsStatedCoverage) {
   }
 }
 
-TEST(StatisticalModel, factorsScaleMeanAndThickness) {
+TEST(ModelsStatistical, factorsScaleMeanAndThickness) {
   StatisticalSpec spec = porcine();
   StatisticalSpec other = spec;
   other.mean_factor = 1.5;
@@ -144,7 +144,7 @@ TEST(StatisticalModel, factorsScaleMeanAndThickness) {
 }
 
 // The engine renders the sampler's target, at any speed, in each insertion.
-TEST(StatisticalModel, theEngineRendersTheDrawOfItsInsertion) {
+TEST(ModelsStatistical, theEngineRendersTheDrawOfItsInsertion) {
   SceneSpec scene = paperOneDof();
   scene.axial_model = AxialModel::kStatistical;
   scene.statistical = porcine();

@@ -40,7 +40,7 @@ std::vector<StepReport> moveTo(Probe& probe, double& depth_m, double to_m, doubl
   return probe.go(ticks, to_m);
 }
 
-TEST(OkamuraModel, quadraticStiffnessThenCuttingAndFriction) {
+TEST(Okamura, quadraticStiffnessThenCuttingAndFriction) {
   for (const AxialModel model : {AxialModel::kOkamura, AxialModel::kDahl}) {
     SceneSpec scene = oneLayer(0, 0, 0);
     scene.axial_model = model;
@@ -76,7 +76,7 @@ TEST(OkamuraModel, quadraticStiffnessThenCuttingAndFriction) {
   }
 }
 
-TEST(OkamuraModel, numbersThatCannotWorkAreRefusedByLayerAndName) {
+TEST(Okamura, numbersThatCannotWorkAreRefusedByLayerAndName) {
   const ShaftFrictionSpec good{12, 18.6, 293}, weaker_at_rest{12, 11.9, 0};
   const auto refusal = [](const SceneSpec& scene) {
     const auto model = compile(scene, 1000);
@@ -92,7 +92,7 @@ TEST(OkamuraModel, numbersThatCannotWorkAreRefusedByLayerAndName) {
               HasSubstr("layers[0].okamura.static_out_n_per_m"));
 }
 
-TEST(OkamuraModel, sticksBelowTheSpeedOfRestAndSlipsAboveIt) {
+TEST(Okamura, sticksBelowTheSpeedOfRestAndSlipsAboveIt) {
   const ShaftFrictionSpec in{20, 40, 300}, out{15, 35, 200};
   Probe probe(rubbingSkin(AxialModel::kOkamura, in, out), 1000);
   double depth_m = -0.001;
@@ -205,7 +205,7 @@ TEST(DahlModel, doesNotDependOnTheLoopsRateOrTheSpeed) {
 }
 
 // neither late speed measurements nor limits that differ by direction give the hand energy
-TEST(OkamuraModel, itsFrictionNeverGivesMoreThanItsSpringHolds) {
+TEST(Okamura, itsFrictionNeverGivesMoreThanItsSpringHolds) {
   const ShaftFrictionSpec in{30, 60, 900}, out{12, 20, 400};
   for (const AxialModel model : {AxialModel::kOkamura, AxialModel::kDahl}) {
     Probe probe(rubbingSkin(model, in, out), 1000);
@@ -228,7 +228,7 @@ TEST(OkamuraModel, itsFrictionNeverGivesMoreThanItsSpringHolds) {
   }
 }
 
-TEST(OkamuraModel, theStatesHashSeesTheWaySinceItStuck) {
+TEST(Okamura, theStatesHashSeesTheWaySinceItStuck) {
   const ShaftFrictionSpec side{20, 40, 0};
   Probe probe(rubbingSkin(AxialModel::kOkamura, side, side), 1000);
   double depth_m = -0.001;
@@ -241,7 +241,7 @@ TEST(OkamuraModel, theStatesHashSeesTheWaySinceItStuck) {
   EXPECT_NE(hashOf(other), hashOf(probe.state()));
 }
 
-TEST(OkamuraModel, aDeviceLearnsTheSteepestSlope) {
+TEST(Okamura, aDeviceLearnsTheSteepestSlope) {
   const ShaftFrictionSpec side{20, 40, 0};
   EXPECT_NEAR(Probe(rubbingSkin(AxialModel::kOkamura, side, side), 1000).model().axialStiffness_N_per_m(),
               500 + kSpring_N_per_m, 1e-9);

@@ -79,7 +79,7 @@ double depthBy(int limb, Vec3 p) {
   return 0.04 - std::sqrt(p.y * p.y + (p.z + 0.04) * (p.z + 0.04));
 }
 
-TEST(Target, isWhereTheBallAndItsTissueAre) {
+TEST(Anatomy, aTargetIsWhereTheBallAndItsTissueAre) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> uniform(-0.008, 0.008);
   for (const int limb : {0, 1, 2}) {
@@ -107,7 +107,7 @@ TEST(Target, isWhereTheBallAndItsTissueAre) {
   }
 }
 
-TEST(Target, withoutTissuesIsTheBall) {
+TEST(Anatomy, aTargetWithoutTissuesIsTheBall) {
   pb::Profile profile = thinTissue(0);
   profile.mutable_targets(0)->clear_tissues();
   const Anatomy anatomy = anatomyOf(profile, {});
@@ -116,7 +116,7 @@ TEST(Target, withoutTissuesIsTheBall) {
   EXPECT_NEAR(depthSpanOf(anatomy, anatomy.targets[0]).bottom_m, 0.01, 1e-15);
 }
 
-TEST(Target, mayHaveSeveralTissuesAndTheLastLayerHasNoEnd) {
+TEST(Anatomy, aTargetMayHaveSeveralTissuesAndTheLastLayerHasNoEnd) {
   pb::Profile profile = thinTissue(0);
   profile.mutable_targets(0)->set_radius_m(0.05);
   profile.mutable_targets(0)->set_tissues(0, "tendon");

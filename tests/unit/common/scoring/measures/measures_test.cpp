@@ -363,7 +363,7 @@ TEST(Aim, tremorOfTheHubOnTheSkinIsOneContact) {
   EXPECT_EQ(valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "hub_contacts"), 1);
 }
 
-TEST(Score, doesNotDependOnTheLoopsRate) {
+TEST(Measures, doNotDependOnTheLoopsRate) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0.001, 0, -0.024}, 0.002);
   // in and out with a wobble and 10 Hz tremor, so that filters matter
@@ -386,7 +386,7 @@ TEST(Score, doesNotDependOnTheLoopsRate) {
   }
 }
 
-TEST(Score, missedTicksChangeLittle) {
+TEST(Measures, missedTicksChangeLittle) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.024}, 0.002);
   const auto whole = inAndOut(1000);
@@ -405,7 +405,7 @@ TEST(Score, missedTicksChangeLittle) {
   }
 }
 
-TEST(Score, nothingIsAssumedOfALongGap) {
+TEST(Measures, nothingIsAssumedOfALongGap) {
   // the tip jumps 1 m during 2 s without ticks
   auto samples = gesture(1000, 1, [](double t, GestureSample& s) { setTip(s, {0.01 * t, 0, 0.1}); });
   const auto after = gesture(1000, 1, [](double t, GestureSample& s) { setTip(s, {1 + 0.01 * t, 0, 0.1}); });
@@ -419,7 +419,7 @@ TEST(Score, nothingIsAssumedOfALongGap) {
   EXPECT_NEAR(valueOf(score, "mean_speed_m_s"), 0.01, 1e-12);
 }
 
-TEST(Score, ofNothingIsZeros) {
+TEST(Measures, ofNothingAreZeros) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.001);
   for (const std::size_t count : {0u, 1u, 2u}) {
@@ -433,7 +433,7 @@ TEST(Score, ofNothingIsZeros) {
   }
 }
 
-TEST(Score, aSingleSampleInTissueCounts) {
+TEST(Measures, aSingleSampleInTissueCounts) {
   const auto samples = gesture(1000, 0, [](double, GestureSample& s) {
     setDepth(s, 0.01);
     s.force_W_N[0] = 2;
@@ -445,14 +445,14 @@ TEST(Score, aSingleSampleInTissueCounts) {
   EXPECT_EQ(valueOf(score, "mean_force_in_tissue_n"), 0) << "it lasted no time";
 }
 
-TEST(Score, anImpossibleRateGivesNone) {
+TEST(Measures, anImpossibleRateGivesNone) {
   const auto samples = inAndOut(1000);
   for (const double rate : {0.0, -1000.0, 49.9, 40'001.0, std::nan("")}) {
     EXPECT_TRUE(scoreGesture(samples, rate, halfSpace(), {}).empty());
   }
 }
 
-TEST(Score, randomBitsGiveOnlyFiniteNumbers) {
+TEST(Measures, randomBitsGiveOnlyFiniteNumbers) {
   std::mt19937_64 random(9);
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.001);
@@ -498,7 +498,7 @@ TEST(Landmark, isFoundWhenTheCappedTipIsTheCapsRadiusFromIt) {
   EXPECT_NEAR(valueOf(scoreGesture(late, 1000, profile, {}), "landmark_s"), 1 + 0.023 / 0.02, 1.1e-3);
 }
 
-TEST(Score, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
+TEST(Measures, everyRowsNameIsKnownAndEveryKnownNameOccurs) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.001);
   // The syringe adds rows if there was an injection in tissue.

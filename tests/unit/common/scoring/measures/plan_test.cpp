@@ -52,12 +52,12 @@ void expectNoPlanRows(const std::vector<Measure>& score) {
   for (const char* const name : kPlanRows) EXPECT_EQ(find(score, name), nullptr) << name;
 }
 
-TEST(PlanMeasures, aWayOnThePlanHasNoError) {
+TEST(Plan, aWayOnThePlanHasNoError) {
   const auto score = scoredBy(planned({0.001, 0.002, 0}), straight(0.001, 0.002, 0));
   for (const char* const name : kPlanRows) EXPECT_NEAR(valueOf(score, name), 0, 1e-12) << name;
 }
 
-TEST(PlanMeasures, aParallelPathHasAConstantLineError) {
+TEST(Plan, aParallelPathHasAConstantLineError) {
   const auto score = scoredBy(planned(), straight(0.003, -0.004, 0));
   EXPECT_NEAR(valueOf(score, "planned_entry_error_m"), 0.005, 1e-12);
   EXPECT_NEAR(valueOf(score, "planned_angle_error_rad"), 0, 1e-12);
@@ -65,7 +65,7 @@ TEST(PlanMeasures, aParallelPathHasAConstantLineError) {
   EXPECT_NEAR(valueOf(score, "largest_planned_line_error_m"), 0.005, 1e-12);
 }
 
-TEST(PlanMeasures, aTiltedWayGoesAwayFromThePlan) {
+TEST(Plan, aTiltedWayGoesAwayFromThePlan) {
   for (const double degrees : {3.0, 10.0, 40.0}) {
     const double lean = degrees * std::numbers::pi / 180, y = 0.002;
     const auto score = scoredBy(planned(), straight(0, y, lean));
@@ -90,7 +90,7 @@ TEST(PlanMeasures, aTiltedWayGoesAwayFromThePlan) {
   for (const char* const name : kPlanRows) EXPECT_NEAR(valueOf(same, name), valueOf(score, name), 1e-12);
 }
 
-TEST(PlanMeasures, aPlanIsPlacedWithItsLimb) {
+TEST(Plan, aPlanIsPlacedWithItsLimb) {
   const Pose X_WL{{0.3, -0.2, 0.5}, normalized(Quat{0.1, 0.4, -0.3, 0.8})};
   auto samples = straight(0.003, 0.002, 0.2);
   const auto score = scoredBy(planned(), samples);
@@ -104,14 +104,14 @@ TEST(PlanMeasures, aPlanIsPlacedWithItsLimb) {
     EXPECT_NEAR(valueOf(moved, name), valueOf(score, name), 1e-9) << name;
 }
 
-TEST(PlanMeasures, anOppositeDirectionIsHalfATurnOff) {
+TEST(Plan, anOppositeDirectionIsHalfATurnOff) {
   // course files reject such a plan; a distance from a line does not depend on its direction
   const auto score = scoredBy(planned({}, {0, 0, 1}), straight(0.003, 0.004, 0));
   EXPECT_NEAR(valueOf(score, "planned_angle_error_rad"), std::numbers::pi, 1e-12);
   EXPECT_NEAR(valueOf(score, "largest_planned_line_error_m"), 0.005, 1e-12);
 }
 
-TEST(PlanMeasures, areAbsentWithoutAPlanOrAnEntry) {
+TEST(Plan, measuresAreAbsentWithoutAPlanOrAnEntry) {
   const auto samples = straight(0.003, 0.004, 0.1);
   expectNoPlanRows(scoreGesture(samples, 1000, halfSpace(), {}));
   const pb::Exercise plain;
@@ -131,7 +131,7 @@ TEST(PlanMeasures, areAbsentWithoutAPlanOrAnEntry) {
   expectNoPlanRows(scoredBy(planned(), {}));
 }
 
-TEST(PlanMeasures, theEntryIsTheFirstAndTheAngleTheLast) {
+TEST(Plan, theEntryIsTheFirstAndTheAngleTheLast) {
   // goes in along the plan, comes out, and goes in again 6 mm aside, leaning
   auto samples = straight(0, 0, 0);
   const auto outside = gesture(1000, 0.5, [](double, GestureSample& s) { setDepth(s, -0.01); });
@@ -151,7 +151,7 @@ TEST(PlanMeasures, theEntryIsTheFirstAndTheAngleTheLast) {
   EXPECT_NEAR(valueOf(score, "mean_planned_line_error_m"), 0.5 * (0.006 + 0.04 / 3 * std::sin(0.3)), 1e-5);
 }
 
-TEST(PlanMeasures, theEntryLiesWhereTheWayCrossesTheSkin) {
+TEST(Plan, theEntryLiesWhereTheWayCrossesTheSkin) {
   // in one tick from 1 mm above to 3 mm below, and 4 mm aside: a quarter of the way to the skin
   const auto fast = gesture(1000, 1, [](double t, GestureSample& s) {
     setDepth(s, t < 0.5 ? -0.001 : 0.003);
@@ -168,7 +168,7 @@ TEST(PlanMeasures, theEntryLiesWhereTheWayCrossesTheSkin) {
   EXPECT_NEAR(valueOf(scoredBy(planned(), gap), "planned_entry_error_m"), std::hypot(0.001, 0.002), 1e-12);
 }
 
-TEST(PlanMeasures, oneTickInTissueHasNoMean) {
+TEST(Plan, oneTickInTissueHasNoMean) {
   auto samples = straight(0.003, 0.004, 0);
   samples = {samples[2000]};
   const auto score = scoredBy(planned(), samples);
@@ -176,7 +176,7 @@ TEST(PlanMeasures, oneTickInTissueHasNoMean) {
   EXPECT_NEAR(valueOf(score, "largest_planned_line_error_m"), 0.005, 1e-12);
 }
 
-TEST(PlanMeasures, mayBeRequiredAndAreShownInDegrees) {
+TEST(Plan, measuresMayBeRequiredAndAreShownInDegrees) {
   pb::Exercise exercise = planned();
   const auto require = [&](const char* name, double max) {
     exercise.add_requirements()->set_measure(name);
@@ -209,14 +209,14 @@ TEST(PlanMeasures, mayBeRequiredAndAreShownInDegrees) {
   EXPECT_FALSE(*row->passed);
 }
 
-TEST(PlanMeasures, theTableMarksMeasuresThatNeedAPlan) {
+TEST(Plan, theTableMarksMeasuresThatNeedAPlan) {
   std::vector<std::string> names;
   for (const MeasureKind& kind : measureKinds())
     if (kind.need == MeasureNeed::kPlan) names.emplace_back(kind.name);
   EXPECT_EQ(names, std::vector<std::string>(std::begin(kPlanRows), std::end(kPlanRows)));
 }
 
-TEST(PlanMeasures, angleIsShownInDegrees) {
+TEST(Plan, angleIsShownInDegrees) {
   EXPECT_EQ(valueText(0.5 * std::numbers::pi, "rad"), "90°");
   EXPECT_EQ(valueText(0.1113410143, "rad"), "6.38°");
   EXPECT_EQ(valueText(0, "rad"), "0°");

@@ -58,7 +58,7 @@ TEST(VerdictName, isOneWordForPeopleEverywhere) {
   EXPECT_STREQ(verdictName({}), "no verdict");
 }
 
-TEST(ScoreText, alignsColumnsAndListsRequirementsFirst) {
+TEST(ScoreReport, alignsColumnsAndListsRequirementsFirst) {
   const auto score = sampleScore();
   std::istringstream text(scoreText(score));
   std::vector<std::string> lines;

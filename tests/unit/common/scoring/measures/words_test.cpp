@@ -31,7 +31,7 @@ std::optional<double> limitIn(const Json& row, const char* key) {
   return row.contains(key) ? std::optional(row[key].get<double>()) : std::nullopt;
 }
 
-TEST(MeasureTexts, areThoseOfTheTable) {
+TEST(Words, areThoseOfTheTable) {
   const Json table = tableOf("measure_texts.json");
   std::set<std::pair<MeasureForm, std::string_view>> seen, there;
   for (const Json& row : table["values"]) {
@@ -51,7 +51,7 @@ TEST(MeasureTexts, areThoseOfTheTable) {
         << row;
 }
 
-TEST(MeasureTexts, sharesAreInPercentAndFlagsAreYesOrNo) {
+TEST(Words, sharesAreInPercentAndFlagsAreYesOrNo) {
   for (const MeasureKind& kind : measureKinds()) {
     EXPECT_EQ(kind.form == MeasureForm::kShare, kind.name.ends_with("_share")) << kind.name;
     if (kind.form != MeasureForm::kQuantity) EXPECT_TRUE(kind.unit.empty()) << kind.name;

@@ -51,7 +51,7 @@ TEST(Reflected, aSingleValueGoesOnAndNothingStaysNothing) {
   EXPECT_TRUE(reflected(std::vector<double>{}, 3).empty());
 }
 
-TEST(Smoothed, isBitForBitTheSumOverStepByStepReflections) {
+TEST(Smoothing, isBitForBitTheSumOverStepByStepReflections) {
   for (const std::size_t count : {2u, 3u, 7u, 20u}) {
     const std::vector<double> values = someValues(count, 100 + count);
     const std::vector<double> half = someValues(60, 7);
@@ -86,7 +86,7 @@ Counted operator-(Counted a) {
   return Counted(-a.value);
 }
 
-TEST(Smoothed, theWorkGrowsWithPointsTimesKernelAndNotWithReflections) {
+TEST(Smoothing, theWorkGrowsWithPointsTimesKernelAndNotWithReflections) {
   // two ticks at 40 kHz: a kernel of some 3,500 points over a signal of two points
   for (const std::size_t count : {2u, 3u, 11u, 100u}) {
     for (const std::size_t reach : {9u, 89u, 3534u}) {

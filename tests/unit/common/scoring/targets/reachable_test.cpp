@@ -23,7 +23,7 @@ std::vector<std::string> predictionsOf(const nlohmann::json& profile, double nee
   return read.ok() ? unreachableTargets(*read, needle_length_m) : std::vector<std::string>{"not read"};
 }
 
-TEST(UnreachableTargets, aTargetThatStaysWhileFatGrowsLiesInFat) {
+TEST(Reachable, aTargetThatStaysWhileFatGrowsLiesInFat) {
   nlohmann::json profile = shoulderJson();
   profile["layers"][1]["thickness_m"] = 0.025;
   EXPECT_THAT(predictionsOf(profile), IsEmpty()) << "anchored, it moves with the bursa";
@@ -33,7 +33,7 @@ TEST(UnreachableTargets, aTargetThatStaysWhileFatGrowsLiesInFat) {
       ElementsAre("targets[0]: 'subacromial bursa' lies in fat, 26 mm deep, and no part of it in bursa"));
 }
 
-TEST(UnreachableTargets, areThoseOutsideInBoneAndBeyondTheNeedle) {
+TEST(Reachable, targetsOutsideInBoneAndBeyondTheNeedleAreNot) {
   nlohmann::json profile = shoulderJson();
   auto& target = profile["targets"][0];
   target.erase("anchor");

@@ -27,7 +27,7 @@ struct TwoServers {
   CodesInStore a{shared_a}, b{shared_b};
 };
 
-TEST(CodesInStore, twoServersLetPassAsManyTriesAsOneInMemory) {
+TEST(CodeTries, twoServersLetPassAsManyTriesAsOneInMemory) {
   TwoServers servers;
   CodeGuard one(servers.time);
   std::mt19937 random(7);
@@ -57,7 +57,7 @@ TEST(CodesInStore, twoServersLetPassAsManyTriesAsOneInMemory) {
   }
 }
 
-TEST(CodesInStore, simultaneousTriesShareTheSequentialLimit) {
+TEST(CodeTries, simultaneousTriesShareTheSequentialLimit) {
   TwoServers servers;
   std::atomic<int> allowed{0};
   std::vector<std::thread> guessers;
@@ -72,7 +72,7 @@ TEST(CodesInStore, simultaneousTriesShareTheSequentialLimit) {
   EXPECT_EQ(allowed.load(), 5);
 }
 
-TEST(CodesInStore, aClockHoursBehindCausesNoWaitOfHours) {
+TEST(CodeTries, aClockHoursBehindCausesNoWaitOfHours) {
   TwoServers servers;
   for (int n = 0; n < 5; ++n) ASSERT_OK(servers.a.begin("tom"));
   test::FakeTime behind{servers.time.peekNs() - 3 * 3600 * kSec_ns};

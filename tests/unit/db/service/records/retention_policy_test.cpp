@@ -11,9 +11,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-using RetentionTest = test::RetentionTest;
+using RetentionPolicyTest = test::RetentionTest;
 
-TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
+TEST_F(RetentionPolicyTest, policiesAreShownAndBadOnesRefused) {
   (void)get(manager, policy(30, 100, 365, "knee-recess"));
   (void)get(admin, policy(-1, 0, -1));
   pb::Request show;
@@ -28,7 +28,7 @@ TEST_F(RetentionTest, policiesAreShownAndBadOnesRefused) {
   EXPECT_EQ(refusal(instructor, show), ErrorCode::kDenied);
 }
 
-TEST_F(RetentionTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
+TEST_F(RetentionPolicyTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
   const Outcome refused = ask(manager, policy(30, 100, 365, "knee-reces"));
   ASSERT_TRUE(refused.error.has_value());
   EXPECT_EQ(refused.error->code, ErrorCode::kInvalidInput);
@@ -43,7 +43,7 @@ TEST_F(RetentionTest, aMisspeltExerciseIsRefusedAndThoseThereAreNamed) {
   (void)get(manager, policy(30, 100, 365, "knee-1"));
 }
 
-TEST_F(RetentionTest, deletionsComeFirstAndThinningStopsWithoutRoom) {
+TEST_F(RetentionPolicyTest, deletionsComeFirstAndThinningStopsWithoutRoom) {
   const Uuid thin = addClosed(), remove = addClosed();
   ASSERT_OK(change([&](Connection& c) {
     return c.run("UPDATE sessions SET exercise_id = 'wrist-joint' WHERE id = ?", ByteView(remove));
@@ -96,7 +96,7 @@ TEST_F(RetentionTest, deletionsComeFirstAndThinningStopsWithoutRoom) {
   EXPECT_TRUE(sound());
 }
 
-TEST_F(RetentionTest, whatIsLeftOfShortRecordingsGoesManySessionsAPiece) {
+TEST_F(RetentionPolicyTest, whatIsLeftOfShortRecordingsGoesManySessionsAPiece) {
   (void)addClosed(20);
   std::vector<Uuid> shorts;
   while (shorts.size() < 40) shorts.push_back(addClosed(1));

@@ -21,7 +21,7 @@ using test::samplesIn;
 /// The power is cut at each sync of a whole run, on a disk that loses, reorders and tears what was not
 /// synced. There is always one complete recording, the original or the thinned one, and the next run finishes
 /// the work.
-TEST(RetentionPowerCut, leavesTheOriginalOrTheThinnedRecordingWhole) {
+TEST(RetentionPower, aCutLeavesTheOriginalOrTheThinnedRecordingWhole) {
   constexpr std::uint64_t kLong = 200;  // its thinned recording has several chunks: cuts between them
   auto& vfs = test::ShimVfs::instance();
   vfs.startRecording();

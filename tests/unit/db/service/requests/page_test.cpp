@@ -7,7 +7,7 @@
 namespace needlelab {
 namespace {
 
-class Pages : public test::ServiceTest {
+class PageTest : public test::ServiceTest {
  protected:
   /// All pages; each must fit in a message, and there must be more than one.
   template <typename Ask, typename Take>
@@ -26,7 +26,7 @@ class Pages : public test::ServiceTest {
   }
 };
 
-TEST_F(Pages, usersStationsAndAssignments) {
+TEST_F(PageTest, usersStationsAndAssignments) {
   constexpr int kMany = 15'000;
   ASSERT_OK(change([](Connection& c) -> Status {
     for (int i = 0; i < kMany; ++i) {
@@ -75,7 +75,7 @@ TEST_F(Pages, usersStationsAndAssignments) {
   EXPECT_EQ(assigned.size(), kMany);
 }
 
-TEST_F(Pages, sessionsInOrder) {
+TEST_F(PageTest, sessionsInOrder) {
   addStation();
   ASSERT_OK(change([](Connection& c) -> Status {
     for (int i = 0; i < 2500; ++i) {
@@ -111,7 +111,7 @@ TEST_F(Pages, sessionsInOrder) {
   EXPECT_EQ(refusal(instructor, bad), ErrorCode::kInvalidInput);
 }
 
-TEST_F(Pages, attemptPagesContinueDespiteALateOlderAttempt) {
+TEST_F(PageTest, attemptPagesContinueDespiteALateOlderAttempt) {
   addStation();
   const auto attempt = [this](std::int64_t started) {
     const Uuid id = addSession("anna", 1);
@@ -145,7 +145,7 @@ TEST_F(Pages, attemptPagesContinueDespiteALateOlderAttempt) {
   EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
 }
 
-TEST_F(Pages, auditAndRemarks) {
+TEST_F(PageTest, auditAndRemarks) {
   addStation();
   const Uuid id = addSession("anna", 1);
   ASSERT_OK(change([&](Connection& c) -> Status {
@@ -193,7 +193,7 @@ TEST_F(Pages, auditAndRemarks) {
   }
 }
 
-TEST_F(Pages, aWelcomeListsTheNewestOpenSessionsOnly) {
+TEST_F(PageTest, aWelcomeListsTheNewestOpenSessionsOnly) {
   addStation();
   std::vector<Uuid> ids;
   ASSERT_OK(change([&](Connection& c) -> Status {

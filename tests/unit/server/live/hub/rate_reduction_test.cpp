@@ -32,7 +32,7 @@ TEST(ReducedRates, anAskedRateIsRoundedDownToOneOfSixteen) {
   EXPECT_EQ(reducedRateOf(1e-9), 0.1) << "the least";
 }
 
-TEST(RateReducer, givesTheRateForAnyLoopRate) {
+TEST(RateReduction, givesTheRateForAnyLoopRate) {
   for (const double loop_hz : {250.0, 1000.0, 4000.0}) {
     for (const double wanted_hz : {1.0, 30.0, 60.0, 100.0}) {
       RateReducer reducer(wanted_hz);
@@ -48,25 +48,25 @@ TEST(RateReducer, givesTheRateForAnyLoopRate) {
   }
 }
 
-TEST(RateReducer, aRateAboveTheLoopsKeepsAll) {
+TEST(RateReduction, aRateAboveTheLoopsKeepsAll) {
   RateReducer reducer(5000);
   EXPECT_EQ(reducer.keep(samplesAt(1000, 1)).size(), 1000u);
 }
 
-TEST(RateReducer, aPauseIsNotCaughtUpByABurst) {
+TEST(RateReduction, aPauseIsNotCaughtUpByABurst) {
   RateReducer reducer(10);
   EXPECT_EQ(reducer.keep(samplesAt(1000, 1, 0)).size(), 10u);
   // an hour later
   EXPECT_LE(reducer.keep(samplesAt(1000, 1, 3'600'000'000'000)).size(), 10u);
 }
 
-TEST(RateReducer, aClockThatStartsAgainIsFollowed) {
+TEST(RateReduction, aClockThatStartsAgainIsFollowed) {
   RateReducer reducer(10);
   (void)reducer.keep(samplesAt(1000, 1, 1'000'000'000'000));
   EXPECT_EQ(reducer.keep(samplesAt(1000, 1, 5)).size(), 10u);
 }
 
-TEST(RateReducer, hostileTimesDoNoHarm) {
+TEST(RateReduction, hostileTimesDoNoHarm) {
   std::vector<GestureSample> samples(4);
   samples[0].time_ns = INT64_MIN;
   samples[1].time_ns = INT64_MAX;

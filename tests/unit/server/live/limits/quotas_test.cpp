@@ -46,7 +46,7 @@ int chunksTaken(StationQuotas& all, const std::string& station, std::int64_t now
       texts);
 }
 
-TEST(StationQuotas, aStationMayHaveSoManySessionsOpen) {
+TEST(Quotas, aStationMayHaveSoManySessionsOpen) {
   StationQuotas all = quotas();
   std::uint64_t open = 0;
   const auto admit = [&] { return all.admit("s1", {.open_sessions = open++}, 0); };
@@ -54,7 +54,7 @@ TEST(StationQuotas, aStationMayHaveSoManySessionsOpen) {
 }
 
 // Each share of a station recovers within a day, is separate, and never exceeds its full size.
-TEST(StationQuotas, eachShareIsThereOnceAndComesBackWithinADay) {
+TEST(Quotas, eachShareIsThereOnceAndComesBackWithinADay) {
   struct Row {
     const char* what;
     StationQuotas::NewSession session;
@@ -81,7 +81,7 @@ TEST(StationQuotas, eachShareIsThereOnceAndComesBackWithinADay) {
   }
 }
 
-TEST(StationQuotas, whatIsRefusedCostsNothing) {
+TEST(Quotas, whatIsRefusedCostsNothing) {
   StationQuotas all = quotas();
   for (int i = 0; i < 10; ++i)
     EXPECT_FALSE(all.admit("s1", {.description_bytes = 240'001, .unknown_name = true}, 0).ok());
@@ -89,7 +89,7 @@ TEST(StationQuotas, whatIsRefusedCostsNothing) {
     EXPECT_TRUE(all.admit("s1", {.description_bytes = 10'000, .unknown_name = true}, 0).ok()) << i;
 }
 
-TEST(StationQuotas, theChunkQuotaRefillsInADayAndABacklogPasses) {
+TEST(Quotas, theChunkQuotaRefillsInADayAndABacklogPasses) {
   StationQuotas all = quotas();
   EXPECT_EQ(chunksTaken(all, "s1", 0, false, {"'s1'", "240 MiB of recordings", "6 min", "keeps the session"}),
             240);
@@ -106,7 +106,7 @@ TEST(StationQuotas, theChunkQuotaRefillsInADayAndABacklogPasses) {
   EXPECT_EQ(chunksTaken(all, "s1", 200 * kHour_ns), 240) << "never more than a share";
 }
 
-TEST(StationQuotas, openingASessionNeedsRoomForSeveralChunks) {
+TEST(Quotas, openingASessionNeedsRoomForSeveralChunks) {
   StationQuotas all = quotas();
   EXPECT_TRUE(all.roomForChunks("s1", 0).ok());
   ASSERT_EQ(chunksTaken(all, "s1", 0), 240);
@@ -117,18 +117,18 @@ TEST(StationQuotas, openingASessionNeedsRoomForSeveralChunks) {
   EXPECT_TRUE(all.roomForChunks("s2", 0).ok());
 }
 
-TEST(StationQuotas, undecodableChunksHaveASmallerQuotaAndSoundOnesPass) {
+TEST(Quotas, undecodableChunksHaveASmallerQuotaAndSoundOnesPass) {
   StationQuotas all = quotas();
   EXPECT_EQ(chunksTaken(all, "s1", 0, true, {"24 MiB", "cannot be decoded"}), 24);
   EXPECT_EQ(chunksTaken(all, "s1", 0), 216) << "they count among all, and those refused cost nothing";
 }
 
-TEST(StationQuotas, manySmallChunksCostTheirRows) {
+TEST(Quotas, manySmallChunksCostTheirRows) {
   StationQuotas all({.chunk_bytes = 100.0 * (kRows + 64)});
   EXPECT_EQ(admitted([&] { return all.admitChunk("s1", {.bytes = 64}, 0); }, {}), 100);
 }
 
-TEST(StationQuotas, aFullSpoolAndADayOfLessonsFitTheQuota) {
+TEST(Quotas, aFullSpoolAndADayOfLessonsFitTheQuota) {
   StationQuotas all;
   for (int i = 0; i < 4096; ++i) ASSERT_TRUE(all.admitChunk("s1", {.bytes = kMebi - 1024}, 0).ok()) << i;
   ASSERT_TRUE(all.roomForChunks("s1", 0).ok());
@@ -137,7 +137,7 @@ TEST(StationQuotas, aFullSpoolAndADayOfLessonsFitTheQuota) {
     ASSERT_TRUE(all.admitChunk("s1", {.bytes = 30'000}, s * 1'000'000'000).ok()) << s;
 }
 
-TEST(StationQuotas, aStolenKeyBringsAtMostTwoSharesInADay) {
+TEST(Quotas, aStolenKeyBringsAtMostTwoSharesInADay) {
   StationQuotas all;
   const StationLimits limits;
   double profiles = 0, undecodable = 0, sound = 0;

@@ -17,7 +17,7 @@ int takenAt(TokenBuckets& buckets, const std::string& owner, const BucketRate& r
   return taken;
 }
 
-TEST(TokenBuckets, allowsABurstThenTheRateAndRefusalsCostNothing) {
+TEST(TokenBucket, allowsABurstThenTheRateAndRefusalsCostNothing) {
   struct Row {
     BucketRate rate;
     double amount;
@@ -41,7 +41,7 @@ TEST(TokenBuckets, allowsABurstThenTheRateAndRefusalsCostNothing) {
     EXPECT_EQ(takenAt(buckets, "bench", row.rate, row.now_ns, row.amount), row.taken) << row.now_ns;
 }
 
-TEST(TokenBuckets, sayWhenThereIsRoomAndTakeBack) {
+TEST(TokenBucket, saysWhenThereIsRoomAndTakesBack) {
   TokenBucket bucket{BucketRate::ofDay(24)};
   bucket.take(24, 0);
   EXPECT_FALSE(bucket.has(1, 0));
@@ -55,7 +55,7 @@ TEST(TokenBuckets, sayWhenThereIsRoomAndTakeBack) {
 }
 
 // The finding: each log-in got a new burst of 5,000 messages, at 2 ms.
-TEST(TokenBuckets, aNewLogInKeepsItsBucketAndOwnersAreSeparate) {
+TEST(TokenBucket, aNewLogInKeepsItsBucketAndOwnersAreSeparate) {
   TokenBuckets buckets;
   const BucketRate rate{50, 5};
   EXPECT_EQ(takenAt(buckets, "station bench", rate, 0), 50);
@@ -63,7 +63,7 @@ TEST(TokenBuckets, aNewLogInKeepsItsBucketAndOwnersAreSeparate) {
   EXPECT_EQ(takenAt(buckets, "person bench", rate, 0), 50);
 }
 
-TEST(TokenBuckets, forgetThoseThatAreEmptyAndNoOthers) {
+TEST(TokenBucket, thoseThatAreEmptyAreForgottenAndNoOthers) {
   TokenBuckets buckets, slow;
   for (std::int64_t n = 0; n < 10'000; ++n) {
     // one message each; the bucket has recovered by the next one
@@ -76,7 +76,7 @@ TEST(TokenBuckets, forgetThoseThatAreEmptyAndNoOthers) {
 }
 
 // A share per day: constant requests get at most two of them.
-TEST(TokenBuckets, ofADayGiveTwoSharesInADay) {
+TEST(TokenBucket, ofADayGivesTwoSharesInADay) {
   TokenBuckets buckets;
   const double share = 8 << 20, piece = 3148;
   double taken = 0;

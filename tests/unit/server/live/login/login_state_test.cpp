@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-TEST(AccessChanges, aWatchSeesLaterChangesOfItsOwnAccountOnly) {
+TEST(LoginState, aWatchSeesLaterChangesOfItsOwnAccountOnly) {
   AccessChanges changes;
   changes.changed("anna", false);
   const AccessWatch first = changes.watch("anna", false), second = changes.watch("anna", false);
@@ -23,7 +23,7 @@ TEST(AccessChanges, aWatchSeesLaterChangesOfItsOwnAccountOnly) {
   EXPECT_FALSE(changes.watch("anna", false).changed());
 }
 
-TEST(AccessChanges, unwatchedNamesAreForgotten) {
+TEST(LoginState, unwatchedNamesAreForgotten) {
   AccessChanges changes;
   std::vector<AccessWatch> held;
   for (int i = 0; i < 100; ++i) held.push_back(changes.watch("held " + std::to_string(i), false));

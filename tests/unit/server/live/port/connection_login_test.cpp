@@ -16,7 +16,7 @@ namespace {
 using namespace test;
 using testing::HasSubstr;
 
-TEST(LogIn, aStationWithItsKeyIsWelcome) {
+TEST(ConnectionLogin, aStationWithItsKeyIsWelcome) {
   RunningServer server;
   const std::string key = server.addStation("bench-1");
   auto client = server.connect(stationLogin("bench-1", key));
@@ -27,7 +27,7 @@ TEST(LogIn, aStationWithItsKeyIsWelcome) {
   EXPECT_NEAR(static_cast<double>(client->welcome().server_unix_ns()), static_cast<double>(wallNowNs()), 5e9);
 }
 
-TEST(LogIn, unknownWrongAndRevokedGiveTheSameReply) {
+TEST(ConnectionLogin, unknownWrongAndRevokedGiveTheSameReply) {
   RunningServer server;
   std::string key = server.addStation("bench-1");
   const std::string revoked_key = server.addStation("bench-2");
@@ -47,7 +47,7 @@ TEST(LogIn, unknownWrongAndRevokedGiveTheSameReply) {
   EXPECT_EQ(texts[0], texts[2]);
 }
 
-TEST(LogIn, anotherMajorVersionIsRefusedWithBothVersions) {
+TEST(ConnectionLogin, anotherMajorVersionIsRefusedWithBothVersions) {
   RunningServer server;
   auto config = server.config(stationLogin("bench-1", server.addStation("bench-1")));
   config.version.set_major(kProtocolMajor + 6);
@@ -59,14 +59,14 @@ TEST(LogIn, anotherMajorVersionIsRefusedWithBothVersions) {
   EXPECT_THAT(client.error().message, HasSubstr(versionText(config.version)));
 }
 
-TEST(LogIn, anotherMinorVersionIsWelcome) {
+TEST(ConnectionLogin, anotherMinorVersionIsWelcome) {
   RunningServer server;
   auto config = server.config(stationLogin("bench-1", server.addStation("bench-1")));
   config.version.set_minor(kProtocolMinor + 9);
   EXPECT_TRUE(BlockingClient::connect(config).ok());
 }
 
-TEST(LogIn, aTokenReplacesThePasswordUntilTheAccountIsDisabled) {
+TEST(ConnectionLogin, aTokenReplacesThePasswordUntilTheAccountIsDisabled) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
   auto first = server.connect(personLogin("anna", "correct horse battery"));
@@ -86,7 +86,7 @@ TEST(LogIn, aTokenReplacesThePasswordUntilTheAccountIsDisabled) {
   EXPECT_EQ(server.connect(by_token).error().code, ErrorCode::kDenied);
 }
 
-TEST(LogIn, disablingAnAccountOverTheWireEndsItsConnections) {
+TEST(ConnectionLogin, disablingAnAccountOverTheWireEndsItsConnections) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
   server.addUser("chief", pb::ADMINISTRATOR, "another long password");
@@ -101,7 +101,7 @@ TEST(LogIn, disablingAnAccountOverTheWireEndsItsConnections) {
   EXPECT_TRUE(refusal.fatal());
 }
 
-TEST(LogIn, guessingIsSlowedDown) {
+TEST(ConnectionLogin, guessingIsSlowedDown) {
   RunningServer server([](ServerOptions& options) { options.guard.allowed_per_name = 2; });
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
   for (int i = 0; i < 2; ++i)
@@ -112,7 +112,7 @@ TEST(LogIn, guessingIsSlowedDown) {
   EXPECT_THAT(third.error().message, HasSubstr("RATE_LIMITED"));
 }
 
-TEST(LogIn, theOlderConnectionOfAStationIsClosedWithAReason) {
+TEST(ConnectionLogin, theOlderConnectionOfAStationIsClosedWithAReason) {
   RunningServer server;
   const std::string key = server.addStation("bench-1");
   auto older = server.connect(stationLogin("bench-1", key));
@@ -128,7 +128,7 @@ TEST(LogIn, theOlderConnectionOfAStationIsClosedWithAReason) {
   (void)waitFor(*newer, [](const pb::Envelope& e) { return e.has_session_opened(); });
 }
 
-TEST(LogIn, anUntrustedServerIsNotTalkedTo) {
+TEST(ConnectionLogin, anUntrustedServerIsNotTalkedTo) {
   RunningServer server, other;
   auto config = server.config(stationLogin("bench-1", server.addStation("bench-1")));
   config.ca_file = other.server().caFile();
@@ -137,7 +137,7 @@ TEST(LogIn, anUntrustedServerIsNotTalkedTo) {
   EXPECT_EQ(client.error().code, ErrorCode::kDenied);
 }
 
-TEST(LogIn, anAbsentServerIsUnavailable) {
+TEST(ConnectionLogin, anAbsentServerIsUnavailable) {
   RunningServer server;
   auto config = server.config(stationLogin("bench-1", "x"));
   (void)server.stop();
@@ -148,7 +148,7 @@ TEST(LogIn, anAbsentServerIsUnavailable) {
 
 /// Stations close hundreds of sessions, as after a long outage: a log-in at that time must not wait for all
 /// the scores. NEEDLELAB_LONG: 500 sessions.
-TEST(LogIn, doesNotWaitForTheScoresOfManySessions) {
+TEST(ConnectionLogin, doesNotWaitForTheScoresOfManySessions) {
   const bool all = test::longForm();
   // A connection has at most 8 closes in progress.
   const std::size_t stations = all ? 63 : 6, each = 8;

@@ -28,7 +28,7 @@ struct Lab {
   }();
 };
 
-TEST(Requests, stationsAreListedWithTheirStateNow) {
+TEST(ConnectionRequests, stationsAreListedWithTheirStateNow) {
   Lab lab;
   lab.server.addStation("bench-2");
   const FakeSession session("bench-1");
@@ -49,7 +49,7 @@ TEST(Requests, stationsAreListedWithTheirStateNow) {
   EXPECT_FALSE(reply->stations().stations(1).online());
 }
 
-TEST(Requests, aStatusNamesTheStoredTraineeEvenAfterARestart) {
+TEST(ConnectionRequests, aStatusNamesTheStoredTraineeEvenAfterARestart) {
   RunningServer server;
   const std::string key = server.addStation("bench-1");
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
@@ -100,7 +100,7 @@ TEST(Requests, aStatusNamesTheStoredTraineeEvenAfterARestart) {
   EXPECT_EQ(shown(station, anna, session.id(), "tina"), "");
 }
 
-TEST(Requests, aLessonBeginsWithTheTraineesCodeOnly) {
+TEST(ConnectionRequests, aLessonBeginsWithTheTraineesCodeOnly) {
   Lab lab;
   lab.server.addUser("tom", pb::TRAINEE, "");
   pb::Request set, lesson;
@@ -125,7 +125,7 @@ TEST(Requests, aLessonBeginsWithTheTraineesCodeOnly) {
 }
 
 // The finding: a trainee set 96 new codes, and no one could log in.
-TEST(Requests, aPersonsNewCodesWaitEightAtATimeOverAllConnections) {
+TEST(ConnectionRequests, aPersonsNewCodesWaitEightAtATimeOverAllConnections) {
   const char* const password = "correct horse battery";
   RunningServer server;
   server.addUser("tom", pb::TRAINEE, password);
@@ -185,7 +185,7 @@ TEST(Requests, aPersonsNewCodesWaitEightAtATimeOverAllConnections) {
     EXPECT_THAT(refusal.text(), HasSubstr("8 passwords and codes of this account wait"));
 }
 
-TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
+TEST(ConnectionRequests, aMessageReachesTheTraineeAndNamesItsSender) {
   Lab lab;
   pb::Request request;
   request.mutable_trainee_message()->set_station("bench-1");
@@ -208,7 +208,7 @@ TEST(Requests, aMessageReachesTheTraineeAndNamesItsSender) {
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
 }
 
-TEST(Requests, aidsAndStopsReachTheStationWithTheSendersName) {
+TEST(ConnectionRequests, aidsAndStopsReachTheStationWithTheSendersName) {
   Lab lab;
   pb::Request aids, stop;
   aids.mutable_set_aids()->set_station("bench-1");
@@ -240,7 +240,7 @@ std::vector<pb::AuditEntry> auditLines(RunningServer& server, const std::string&
   return {reply.audit().entries().begin(), reply.audit().entries().end()};
 }
 
-TEST(Requests, anUndeliveredMessageIsReportedAndAudited) {
+TEST(ConnectionRequests, anUndeliveredMessageIsReportedAndAudited) {
   Lab lab;
   lab.server.addStation("bench-2");
   pb::Request stop;
@@ -262,7 +262,7 @@ TEST(Requests, anUndeliveredMessageIsReportedAndAudited) {
 }
 
 // The finding: six such lines had the name of a person erased five seconds earlier.
-TEST(Requests, anUndeliveredMessageIsAuditedUnderALaterPseudonym) {
+TEST(ConnectionRequests, anUndeliveredMessageIsAuditedUnderALaterPseudonym) {
   RunningServer server;
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
   auto station = std::make_unique<RawPeer>(server);
@@ -292,7 +292,7 @@ TEST(Requests, anUndeliveredMessageIsAuditedUnderALaterPseudonym) {
     EXPECT_THAT(line.ShortDebugString(), testing::Not(HasSubstr("anna")));
 }
 
-TEST(Requests, aForbiddenRequestIsRefusedAndTheConnectionContinues) {
+TEST(ConnectionRequests, aForbiddenRequestIsRefusedAndTheConnectionContinues) {
   Lab lab;
   pb::Request add;
   add.mutable_add_user()->set_name("mallory");
@@ -307,7 +307,7 @@ TEST(Requests, aForbiddenRequestIsRefusedAndTheConnectionContinues) {
   }
 }
 
-TEST(Requests, onePersonsSlowRequestsDoNotDelayAnothers) {
+TEST(ConnectionRequests, onePersonsSlowRequestsDoNotDelayAnothers) {
   constexpr int kConnections = 3, kEach = 8;  // as many as a connection may have in progress
   RunningServer server([](ServerOptions& options) { options.writer.window = milliseconds(20); });
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
@@ -348,7 +348,7 @@ TEST(Requests, onePersonsSlowRequestsDoNotDelayAnothers) {
   EXPECT_LT(server.asAdmin(audit).audit().entries_size(), kConnections * kEach);
 }
 
-TEST(Requests, aRequestWithoutACallIsInvalid) {
+TEST(ConnectionRequests, aRequestWithoutACallIsInvalid) {
   Lab lab;
   const auto refused = lab.instructor.call(pb::Request{});
   ASSERT_FALSE(refused.ok());

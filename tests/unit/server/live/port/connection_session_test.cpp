@@ -44,7 +44,7 @@ int linesOf(RunningServer& server, const std::string& action) {
   return server.asAdmin(audit).audit().entries_size();
 }
 
-TEST(DurablePlane, chunksAreAcknowledgedAfterTheyAreStored) {
+TEST(ConnectionSession, chunksAreAcknowledgedAfterTheyAreStored) {
   StationAndServer s;
   EXPECT_EQ(s.open(), 0u);
   for (std::uint64_t seq = 0; seq < 10; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
@@ -55,14 +55,14 @@ TEST(DurablePlane, chunksAreAcknowledgedAfterTheyAreStored) {
   EXPECT_EQ(info.state(), pb::SESSION_OPEN);
 }
 
-TEST(DurablePlane, openAndChunksMayBeSentInOneBreath) {
+TEST(ConnectionSession, openAndChunksMayBeSentInOneBreath) {
   StationAndServer s;
   ASSERT_TRUE(s.client.send(s.session.open()).ok());
   for (std::uint64_t seq = 0; seq < 5; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
   s.session.waitForAck(s.client, 5);
 }
 
-TEST(DurablePlane, aRepeatedChunkIsAcknowledgedAndStoredOnce) {
+TEST(ConnectionSession, aRepeatedChunkIsAcknowledgedAndStoredOnce) {
   StationAndServer s;
   s.open();
   for (const std::uint64_t seq : {0, 1, 1, 0, 1, 2}) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
@@ -71,7 +71,7 @@ TEST(DurablePlane, aRepeatedChunkIsAcknowledgedAndStoredOnce) {
   EXPECT_EQ(s.stored().samples(), 300u);
 }
 
-TEST(DurablePlane, aGapIsRefusedAndTheExpectedOneNamed) {
+TEST(ConnectionSession, aGapIsRefusedAndTheExpectedOneNamed) {
   StationAndServer s;
   s.open();
   ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
@@ -86,7 +86,7 @@ TEST(DurablePlane, aGapIsRefusedAndTheExpectedOneNamed) {
   s.session.waitForAck(s.client, 3);
 }
 
-TEST(DurablePlane, aContradictionIsRefusedAndWrittenDown) {
+TEST(ConnectionSession, aContradictionIsRefusedAndWrittenDown) {
   StationAndServer s;
   s.open();
   ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
@@ -104,7 +104,7 @@ TEST(DurablePlane, aContradictionIsRefusedAndWrittenDown) {
   EXPECT_EQ(linesOf(s.server, "chunk contradicts"), 1);
 }
 
-TEST(DurablePlane, repeatedContradictionsAreOneLineAndEndTheConnection) {
+TEST(ConnectionSession, repeatedContradictionsAreOneLineAndEndTheConnection) {
   constexpr int kConnections = 3, kEach = 50;
   StationAndServer s;
   s.open();
@@ -131,7 +131,7 @@ TEST(DurablePlane, repeatedContradictionsAreOneLineAndEndTheConnection) {
   EXPECT_LE(s.server.counters().chunks_contradicting, static_cast<std::uint64_t>(kConnections * kEach));
 }
 
-TEST(DurablePlane, aDamagedChunkIsRefusedAndNotStored) {
+TEST(ConnectionSession, aDamagedChunkIsRefusedAndNotStored) {
   StationAndServer s;
   s.open();
   pb::Envelope damaged = s.session.chunk(0);
@@ -152,7 +152,7 @@ pb::Envelope undecodable(const FakeSession& session, std::uint64_t seq) {
   return impossible;
 }
 
-TEST(DurablePlane, anUndecodableChunkIsQuarantinedAndTheSessionContinues) {
+TEST(ConnectionSession, anUndecodableChunkIsQuarantinedAndTheSessionContinues) {
   StationAndServer s;
   s.open();
   ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
@@ -171,7 +171,7 @@ TEST(DurablePlane, anUndecodableChunkIsQuarantinedAndTheSessionContinues) {
 }
 
 // The finding: each had its own line, 0.4 MB per second.
-TEST(DurablePlane, undecodableChunkLinesAreBoundedAndCounted) {
+TEST(ConnectionSession, undecodableChunkLinesAreBoundedAndCounted) {
   constexpr std::uint64_t kLines = 2, kChunks = 7;
   RunningServer server([](ServerOptions& options) { options.bounds.log_lines.a_minute = kLines; });
   auto station = server.connect(stationLogin("bench-1", server.addStation("bench-1")));
@@ -189,7 +189,7 @@ TEST(DurablePlane, undecodableChunkLinesAreBoundedAndCounted) {
   EXPECT_EQ(countOf(log, leftOut("\"station bench-1\"", "chunk_quarantined", kChunks - kLines)), 1u) << log;
 }
 
-TEST(DurablePlane, sessionsOfOthersAreUnknown) {
+TEST(ConnectionSession, sessionsOfOthersAreUnknown) {
   StationAndServer s;
   s.open();
   auto other = s.server.connect(stationLogin("bench-2", s.server.addStation("bench-2")));
@@ -205,13 +205,13 @@ TEST(DurablePlane, sessionsOfOthersAreUnknown) {
   EXPECT_EQ(s.stored().chunks(), 0u);
 }
 
-TEST(DurablePlane, chunksBeforeAnySessionAreNotLegal) {
+TEST(ConnectionSession, chunksBeforeAnySessionAreNotLegal) {
   StationAndServer s;
   ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
   EXPECT_EQ(waitForRefusal(s.client).reason(), pb::Refusal::STATE);
 }
 
-TEST(DurablePlane, aSessionClosesWhenCountSamplesAndHashAgree) {
+TEST(ConnectionSession, aSessionClosesWhenCountSamplesAndHashAgree) {
   StationAndServer s;
   s.open();
   for (std::uint64_t seq = 0; seq < 3; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
@@ -233,7 +233,7 @@ TEST(DurablePlane, aSessionClosesWhenCountSamplesAndHashAgree) {
 }
 
 // the station lost the answer to its first CloseSession, and another session's close comes in between
-TEST(DurablePlane, aSessionMayBeClosedAgainWhileAnotherOneCloses) {
+TEST(ConnectionSession, aSessionMayBeClosedAgainWhileAnotherOneCloses) {
   StationAndServer s;
   s.open();
   ASSERT_TRUE(s.client.send(s.session.close(0)).ok());
@@ -255,7 +255,7 @@ TEST(DurablePlane, aSessionMayBeClosedAgainWhileAnotherOneCloses) {
   EXPECT_EQ(answer.session_closed().session_id(), s.session.id()) << answer.ShortDebugString();
 }
 
-TEST(DurablePlane, closingTooEarlyOrWithAnotherHashIsRefused) {
+TEST(ConnectionSession, closingTooEarlyOrWithAnotherHashIsRefused) {
   StationAndServer s;
   s.open();
   for (std::uint64_t seq = 0; seq < 2; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
@@ -453,7 +453,7 @@ TEST(Closes, thoseThatWaitHaveNoPartInTheBudget) {
     (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); });
 }
 
-TEST(DurablePlane, theScoreComesWithTheClose) {
+TEST(ConnectionSession, theScoreComesWithTheClose) {
   StationAndServer s;
   pb::Request list;
   list.mutable_list_profiles();
@@ -471,7 +471,7 @@ TEST(DurablePlane, theScoreComesWithTheClose) {
   EXPECT_EQ(s.stored().score_json(), closed.score_json());
 }
 
-TEST(DurablePlane, afterARestartTheServerResumesWhereTheDatabaseEnds) {
+TEST(ConnectionSession, afterARestartTheServerResumesWhereTheDatabaseEnds) {
   StationAndServer s;
   s.open();
   for (std::uint64_t seq = 0; seq < 7; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
@@ -487,7 +487,7 @@ TEST(DurablePlane, afterARestartTheServerResumesWhereTheDatabaseEnds) {
   s.session.waitForAck(s.client, 8);
 }
 
-TEST(DurablePlane, aFloodOfChunksIsBoundedAndAllOfItArrives) {
+TEST(ConnectionSession, aFloodOfChunksIsBoundedAndAllOfItArrives) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.chunks_in_flight = 4;
     options.writer.window = milliseconds(20);
@@ -500,7 +500,7 @@ TEST(DurablePlane, aFloodOfChunksIsBoundedAndAllOfItArrives) {
   session.waitForAck(*client, 100);
 }
 
-TEST(DurablePlane, manyStationsTogetherNeverOverrunTheWritersQueue) {
+TEST(ConnectionSession, manyStationsTogetherNeverOverrunTheWritersQueue) {
   RunningServer server([](ServerOptions& options) {
     options.bounds.all_chunks_in_flight.chunks = 8;
     options.writer.max_items = 24;  // one connection may have 64 chunks in progress
@@ -523,7 +523,7 @@ TEST(DurablePlane, manyStationsTogetherNeverOverrunTheWritersQueue) {
   for (int i = 0; i < kStations; ++i) sessions[i].waitForAck(clients[i], 100);
 }
 
-TEST(DurablePlane, aVerifiedBackupMovesTheSafeWatermark) {
+TEST(ConnectionSession, aVerifiedBackupMovesTheSafeWatermark) {
   StationAndServer s;
   s.open();
   for (std::uint64_t seq = 0; seq < 4; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
@@ -541,7 +541,7 @@ TEST(DurablePlane, aVerifiedBackupMovesTheSafeWatermark) {
   EXPECT_EQ(ack.ack().safe_seqs(), 3u) << "the last one with the session's end";
 }
 
-TEST(DurablePlane, clockOffsetsAreStoredWithTheLeastRoundTrip) {
+TEST(ConnectionSession, clockOffsetsAreStoredWithTheLeastRoundTrip) {
   StationAndServer s;
   s.open();
   for (const auto& [offset, round_trip] : {std::pair{100, 50}, std::pair{200, 20}, std::pair{300, 90}}) {
@@ -567,7 +567,7 @@ pb::Envelope clockOffset(const FakeSession& session, std::int64_t offset_ns, std
 
 // The finding: each ClockOffset was an item in the writer's queue; one station filled it, so other stations'
 // chunks and people's changes were refused.
-TEST(DurablePlane, clockOffsetsDuringABusyWriterFormOneItem) {
+TEST(ConnectionSession, clockOffsetsDuringABusyWriterFormOneItem) {
   StationAndServer s;
   const auto sessions = openSessions(s, 3);
   HeldWriter held(s.server.server());
@@ -596,7 +596,7 @@ TEST(DurablePlane, clockOffsetsDuringABusyWriterFormOneItem) {
   }
 }
 
-TEST(DurablePlane, aClockOffsetWithoutARoundTripIsRefused) {
+TEST(ConnectionSession, aClockOffsetWithoutARoundTripIsRefused) {
   StationAndServer s;
   s.open();
   for (const std::int64_t round_trip_ns : {std::int64_t{0}, std::int64_t{-5}}) {

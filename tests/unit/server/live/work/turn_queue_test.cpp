@@ -61,7 +61,7 @@ class Door {
   std::vector<Entry> entries_;
 };
 
-TEST(LoginQueue, oneAfterTheOtherInOrder) {
+TEST(TurnQueue, oneAfterTheOtherInOrder) {
   Door door;
   for (const char* text : {"a", "b", "c"}) EXPECT_TRUE(door.join(text, Line::kStranger, "10.0.0.1"));
   EXPECT_EQ(door.queue().size(), 3u);
@@ -69,7 +69,7 @@ TEST(LoginQueue, oneAfterTheOtherInOrder) {
   EXPECT_EQ(door.queue().size(), 0u);
 }
 
-TEST(LoginQueue, aFloodingAddressWaitsBehindItself) {
+TEST(TurnQueue, aFloodingAddressWaitsBehindItself) {
   Door door;
   for (int i = 0; i < 40; ++i) EXPECT_TRUE(door.join("flood", Line::kStranger, "10.0.0.1"));
   EXPECT_TRUE(door.join("neighbour", Line::kStranger, "10.0.0.2"));
@@ -77,7 +77,7 @@ TEST(LoginQueue, aFloodingAddressWaitsBehindItself) {
 }
 
 // The finding: some 20 addresses hold all the strangers' places at the single argon2 thread.
-TEST(LoginQueue, twentyAddressesKeepNoStrangerOut) {
+TEST(TurnQueue, twentyAddressesKeepNoStrangerOut) {
   for (const bool same_owner : {true, false}) {
     Door door;
     const auto address = [&](int i) {
@@ -100,7 +100,7 @@ TEST(LoginQueue, twentyAddressesKeepNoStrangerOut) {
   }
 }
 
-TEST(LoginQueue, freshAddressesDoNotGoBeforeWhoHasWaitedLonger) {
+TEST(TurnQueue, freshAddressesDoNotGoBeforeWhoHasWaitedLonger) {
   Door door;
   EXPECT_TRUE(door.join("first", Line::kStranger, "10.0.0.1"));
   EXPECT_TRUE(door.join("again", Line::kStranger, "10.0.0.1"));
@@ -110,7 +110,7 @@ TEST(LoginQueue, freshAddressesDoNotGoBeforeWhoHasWaitedLonger) {
   EXPECT_LE(turns, 4);
 }
 
-TEST(LoginQueue, knownPeopleHaveEverySecondTurnAndStrangersEveryFourth) {
+TEST(TurnQueue, knownPeopleHaveEverySecondTurnAndStrangersEveryFourth) {
   Door door({.places = 300, .places_of_unknown = 200});
   for (int i = 0; i < 40; ++i) {
     EXPECT_TRUE(door.join("known", Line::kKnownPerson, "10.0.0.1"));
@@ -124,7 +124,7 @@ TEST(LoginQueue, knownPeopleHaveEverySecondTurnAndStrangersEveryFourth) {
   EXPECT_EQ(turns["stranger"], 10);
 }
 
-TEST(LoginQueue, aFloodOfStrangersTakesNoPlaceOfKnownPeople) {
+TEST(TurnQueue, aFloodOfStrangersTakesNoPlaceOfKnownPeople) {
   Door door;
   for (int i = 0; i < 200; ++i) (void)door.join("flood", Line::kStranger, "10.0." + std::to_string(i) + ".1");
   EXPECT_EQ(door.queue().size(), 48u);
@@ -136,7 +136,7 @@ TEST(LoginQueue, aFloodOfStrangersTakesNoPlaceOfKnownPeople) {
   EXPECT_LE(door.turnsUntil("lab"), 4);
 }
 
-TEST(LoginQueue, whoHasNoBetterClaimIsRefused) {
+TEST(TurnQueue, whoHasNoBetterClaimIsRefused) {
   Door door({.places = 4, .places_of_unknown = 4});
   for (int i = 0; i < 4; ++i)
     EXPECT_TRUE(door.join("a", Line::kStranger, "10." + std::to_string(i) + ".0.1"));
@@ -144,7 +144,7 @@ TEST(LoginQueue, whoHasNoBetterClaimIsRefused) {
   EXPECT_EQ(door.isDisplaced(), 0u);
 }
 
-TEST(LoginQueue, anOwnerOfManyAddressesIsOne) {
+TEST(TurnQueue, anOwnerOfManyAddressesIsOne) {
   EXPECT_EQ(LoginQueue::ownerOf("10.1.2.3"), "10.1.2.3");
   EXPECT_EQ(LoginQueue::ownerOf(Admission::keyOf("2001:db8:1:2::5")),
             LoginQueue::ownerOf(Admission::keyOf("2001:db8:1:3::5")));
@@ -154,7 +154,7 @@ TEST(LoginQueue, anOwnerOfManyAddressesIsOne) {
 }
 
 // The turn's number used to be incremented by hand: an exception in between stopped every log-in.
-TEST(LoginQueue, anExceptionDuringATurnGivesItOn) {
+TEST(TurnQueue, anExceptionDuringATurnGivesItOn) {
   asio::io_context io{1};
   LoginQueue queue(io.get_executor(), {});
   std::vector<std::string> seen;

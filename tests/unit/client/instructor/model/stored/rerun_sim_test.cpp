@@ -31,7 +31,7 @@ std::string simTable(const std::filesystem::path& profile, const std::filesystem
   return table;
 }
 
-TEST(RerunAndSim, giveTheSameBits) {
+TEST(RerunSim, giveTheSameBits) {
   const test::TempFolder folder;
   const auto gesture = test::lesson({.depth_m = 0.022, .seconds = 1.5, .aside_m = 0.004});
   const auto poses = folder.path() / "poses.csv";

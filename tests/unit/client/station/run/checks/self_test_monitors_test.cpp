@@ -42,7 +42,7 @@ TEST(Edid, withoutDataGivesNothing) {
   EXPECT_EQ(edidDiagonal_m(other), std::nullopt) << "no EDID";
 }
 
-TEST(ConnectedMonitors, areThoseThatSayTheirSize) {
+TEST(SelfTestMonitors, areThoseThatSayTheirSize) {
   const test::TempFolder folder;
   for (const char* name : {"card0", "card0-HDMI-A-1", "card0-VGA-1", "card1-DP-2", "renderD128"})
     std::filesystem::create_directory(folder.path() / name);

@@ -111,7 +111,7 @@ int ended(pid_t child) {
   return -1;
 }
 
-TEST(PausedTerminal, outputIsDroppedAndBlocksNothing) {
+TEST(Terminal, pausedOutputIsDroppedAndBlocksNothing) {
   const FullPipe full;
   const pid_t child = ::fork();
   if (child == 0) {
@@ -125,7 +125,7 @@ TEST(PausedTerminal, outputIsDroppedAndBlocksNothing) {
   EXPECT_EQ(WEXITSTATUS(status), 7);
 }
 
-TEST(PausedTerminal, aCrashTakesTheForceAwayAllTheSame) {
+TEST(Terminal, aCrashWhilePausedTakesTheForceAwayAllTheSame) {
   const FullPipe full;
   const pid_t child = ::fork();
   if (child == 0) {

@@ -25,7 +25,7 @@ std::vector<GestureSample> goingDown(std::size_t count, std::size_t peak) {
 }
 const Limb kFlat = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
 
-TEST(GestureCurve, keepsEveryTickWhereThereAreFew) {
+TEST(LocalScore, theCurveKeepsEveryTickWhereThereAreFew) {
   const auto samples = goingDown(10, 3);
   const GestureCurve curve = gestureCurve(samples, kFlat, 10);
   ASSERT_EQ(curve.size(), 10u);
@@ -36,7 +36,7 @@ TEST(GestureCurve, keepsEveryTickWhereThereAreFew) {
 }
 
 // the path enters a ball aslant, so that its depth is less than the way along the needle
-TEST(GestureCurve, inABodyDepthIsAlongTheNeedleAndWithTheCapThereIsNone) {
+TEST(LocalScore, inABodyDepthIsAlongTheNeedleAndWithTheCapThereIsNone) {
   const Limb limb = anatomyOf(test::readProfile(test::ballOfRules()), {}).limb;
   std::vector<GestureSample> samples(3);
   for (std::size_t i = 0; i < samples.size(); ++i)
@@ -56,7 +56,7 @@ TEST(GestureCurve, inABodyDepthIsAlongTheNeedleAndWithTheCapThereIsNone) {
   EXPECT_TRUE(std::isnan(curve[2].depth_m));
 }
 
-TEST(GestureCurve, losesNoPeakAndStaysShort) {
+TEST(LocalScore, theCurveLosesNoPeakAndStaysShort) {
   const auto samples = goingDown(10'007, 5'003);
   const GestureCurve curve = gestureCurve(samples, kFlat, 100);
   EXPECT_LE(curve.size(), 100u);
@@ -71,7 +71,7 @@ TEST(GestureCurve, losesNoPeakAndStaysShort) {
   EXPECT_EQ(peaks, 1);
 }
 
-TEST(GestureCurve, hasTheDistanceFromThePlanInTissue) {
+TEST(LocalScore, theCurveHasTheDistanceFromThePlanInTissue) {
   auto samples = goingDown(10, 3);
   for (std::size_t i = 5; i < 10; ++i) samples[i].layer = 0;
   const PlannedLine plan{{0.003, 0.004, 0}, {0, 0, -1}};
@@ -87,7 +87,7 @@ TEST(GestureCurve, hasTheDistanceFromThePlanInTissue) {
     EXPECT_TRUE(std::isnan(point.planned_error_m)) << "no plan";
 }
 
-TEST(GestureCurve, keepsTheGreatestDistancesOfEachGroupInTissue) {
+TEST(LocalScore, theCurveKeepsTheGreatestDistancesOfEachGroupInTissue) {
   // of every ten ticks the first has the largest force, and the eighth the largest lateral error
   auto samples = goingDown(100, 0);
   const PlannedLine plan{{0.001, 0, 0}, {0, 0, -1}};
@@ -119,7 +119,7 @@ TEST(GestureCurve, keepsTheGreatestDistancesOfEachGroupInTissue) {
   }
 }
 
-TEST(GestureCurve, omitsNonFiniteNumbers) {
+TEST(LocalScore, theCurveOmitsNonFiniteNumbers) {
   auto samples = goingDown(3, 0);
   samples[1].p_WT_m[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(gestureCurve(samples, kFlat).size(), 2u);

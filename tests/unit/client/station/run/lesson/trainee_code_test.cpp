@@ -33,9 +33,9 @@ Error refusal(const std::string& text) {
 
 // --- a lesson without a window, and a server that asks for a code
 
-class LessonWithCode : public testing::Test {
+class TraineeCode : public testing::Test {
  protected:
-  LessonWithCode() {
+  TraineeCode() {
     sigemptyset(&signals_);
     options_.headless = true;
     options_.servers = {{"127.0.0.1", server_.port()}};
@@ -56,7 +56,7 @@ class LessonWithCode : public testing::Test {
     ::dup2(null, STDIN_FILENO);
     ::close(null);
   }
-  ~LessonWithCode() override {
+  ~TraineeCode() override {
     ::dup2(stdin_, STDIN_FILENO);
     ::close(stdin_);
   }
@@ -104,7 +104,7 @@ class LessonWithCode : public testing::Test {
   std::unique_ptr<StationRun> run_;
 };
 
-TEST_F(LessonWithCode, aTraineeWithoutACodeIsNotAsked) {
+TEST_F(TraineeCode, aTraineeWithoutACodeIsNotAsked) {
   giveFile("4711-tom\n");
   ASSERT_TRUE(prepare().ok());
   EXPECT_THAT(server_.givenCodes(), ElementsAre("")) << "no one asked for what is in the file";
@@ -112,7 +112,7 @@ TEST_F(LessonWithCode, aTraineeWithoutACodeIsNotAsked) {
   EXPECT_FALSE(observer_.beginning->code_unchecked);
 }
 
-TEST_F(LessonWithCode, offlineTheSessionHasTheIdAndTheDiskNoName) {
+TEST_F(TraineeCode, offlineTheSessionHasTheIdAndTheDiskNoName) {
   const std::string name = "tamara", person = "@01890a5d-ac96-774b-bcce-b302099a8057";
   pb::Lesson lesson = server_.lesson();
   lesson.set_person_ref(person);
@@ -133,7 +133,7 @@ TEST_F(LessonWithCode, offlineTheSessionHasTheIdAndTheDiskNoName) {
   EXPECT_EQ(begun().trainee(), "somebody") << "as it was typed: the server maps it";
 }
 
-TEST_F(LessonWithCode, theCodeFileIsSentOnRequestAndMarkedChecked) {
+TEST_F(TraineeCode, theCodeFileIsSentOnRequestAndMarkedChecked) {
   server_.setCode("tom", "4711-tom");
   giveFile("4711-tom\r\nsecond line\n");
   const Status status = prepare();
@@ -145,7 +145,7 @@ TEST_F(LessonWithCode, theCodeFileIsSentOnRequestAndMarkedChecked) {
   EXPECT_THAT(written(), Not(HasSubstr("4711-tom"))) << "neither in the lesson's cache nor in the spool";
 }
 
-TEST_F(LessonWithCode, aWrongCodeInTheFileIsSentOnceAndNothingBegins) {
+TEST_F(TraineeCode, aWrongCodeInTheFileIsSentOnceAndNothingBegins) {
   server_.setCode("tom", "4711-tom");
   giveFile("0000\n");
   const Status status = prepare();
@@ -157,7 +157,7 @@ TEST_F(LessonWithCode, aWrongCodeInTheFileIsSentOnceAndNothingBegins) {
   EXPECT_TRUE(home_->spool().unfinished().empty());
 }
 
-TEST_F(LessonWithCode, withoutATerminalTheErrorNamesTheOption) {
+TEST_F(TraineeCode, withoutATerminalTheErrorNamesTheOption) {
   server_.setCode("tom", "4711-tom");
   const Status status = prepare();
   ASSERT_FALSE(status.ok());
@@ -166,7 +166,7 @@ TEST_F(LessonWithCode, withoutATerminalTheErrorNamesTheOption) {
   EXPECT_THAT(status.error().message, HasSubstr("--code-file FILE"));
 }
 
-TEST_F(LessonWithCode, aProfileFromAFileAsksTheSame) {
+TEST_F(TraineeCode, aProfileFromAFileAsksTheSame) {
   server_.setCode("tom", "4711-tom");
   options_.exercise.clear();
   options_.profile_file = NEEDLELAB_SAMPLES "/phantom-ball.json";
@@ -180,7 +180,7 @@ TEST_F(LessonWithCode, aProfileFromAFileAsksTheSame) {
   EXPECT_THAT(server_.givenCodes(), ElementsAre("", "0000", "", "", "4711-tom"));
 }
 
-TEST_F(LessonWithCode, tooManyWrongCodesBlockTheCacheToo) {
+TEST_F(TraineeCode, tooManyWrongCodesBlockTheCacheToo) {
   giveFile("0000");
   ASSERT_TRUE(prepare().ok()) << "fills the cache";
   server_.setCode("tom", "4711-tom");
@@ -193,7 +193,7 @@ TEST_F(LessonWithCode, tooManyWrongCodesBlockTheCacheToo) {
   EXPECT_EQ(observer_.beginning, nullptr) << "nothing began from the cache";
 }
 
-TEST_F(LessonWithCode, withoutTheServerTheTraineeLearnsThatAManagerConfirmsIt) {
+TEST_F(TraineeCode, withoutTheServerTheTraineeLearnsThatAManagerConfirmsIt) {
   server_.setCode("tom", "4711-tom");
   giveFile("4711-tom");
   ASSERT_TRUE(prepare().ok());
@@ -206,7 +206,7 @@ TEST_F(LessonWithCode, withoutTheServerTheTraineeLearnsThatAManagerConfirmsIt) {
   EXPECT_FALSE(observer_.beginning->code_unchecked) << "the server never asked for a code of zoe";
 }
 
-TEST_F(LessonWithCode, aRemovedCodeIsNoLongerMentioned) {
+TEST_F(TraineeCode, aRemovedCodeIsNoLongerMentioned) {
   server_.setCode("tom", "4711-tom");
   giveFile("4711-tom");
   ASSERT_TRUE(prepare().ok());
@@ -218,7 +218,7 @@ TEST_F(LessonWithCode, aRemovedCodeIsNoLongerMentioned) {
   EXPECT_FALSE(observer_.beginning->code_unchecked);
 }
 
-TEST_F(LessonWithCode, aCodeThatTheServerDidNotCompareIsNotChecked) {
+TEST_F(TraineeCode, aCodeThatTheServerDidNotCompareIsNotChecked) {
   code_at_once_ = "4711-tom";
   ASSERT_TRUE(prepare().ok()) << "the code was removed since the last try";
   EXPECT_THAT(server_.givenCodes(), ElementsAre("4711-tom"));
@@ -230,7 +230,7 @@ TEST_F(LessonWithCode, aCodeThatTheServerDidNotCompareIsNotChecked) {
   EXPECT_FALSE(begun().code_checked());
 }
 
-TEST_F(LessonWithCode, aServerSilentAboutTheCodeLetsNothingBegin) {
+TEST_F(TraineeCode, aServerSilentAboutTheCodeLetsNothingBegin) {
   giveFile("4711-tom");
   ASSERT_TRUE(prepare().ok()) << "fills the cache";
   server_.setCode("tom", "4711-tom");
@@ -244,7 +244,7 @@ TEST_F(LessonWithCode, aServerSilentAboutTheCodeLetsNothingBegin) {
   ASSERT_TRUE(prepare().ok());
 }
 
-TEST_F(LessonWithCode, aCodeThatTheServerFailedToCheckLetsNoProfileBegin) {
+TEST_F(TraineeCode, aCodeThatTheServerFailedToCheckLetsNoProfileBegin) {
   server_.setCode("tom", "4711-tom");
   server_.faults.fail_codes = true;
   code_at_once_ = "4711-tom";
@@ -256,7 +256,7 @@ TEST_F(LessonWithCode, aCodeThatTheServerFailedToCheckLetsNoProfileBegin) {
   EXPECT_EQ(observer_.beginning, nullptr);
 }
 
-TEST_F(LessonWithCode, aFileThatHoldsNoCodeIsNamedBeforeAnythingBegins) {
+TEST_F(TraineeCode, aFileThatHoldsNoCodeIsNamedBeforeAnythingBegins) {
   for (const char* text : {"", "123\n", "\n4711\n", "12\t45\n"}) {
     giveFile(text);
     const Status status = prepare();

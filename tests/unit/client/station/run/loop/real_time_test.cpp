@@ -135,7 +135,7 @@ TEST(RealTimeThread, theSpinsCostIsReported) {
   EXPECT_THAT(steps.back().message, testing::HasSubstr("8 % of a core"));
 }
 
-TEST(LoopTime, aSpinNeverEndsBeforeTheTime) {
+TEST(RealTime, aSpinNeverEndsBeforeTheTime) {
   LoopTime clock(200'000);
   for (int i = 0; i < 20; ++i) {
     const std::int64_t due = clock.nowNs() + 500'000;
@@ -147,7 +147,7 @@ TEST(LoopTime, aSpinNeverEndsBeforeTheTime) {
   EXPECT_LT(clock.nowNs() - before, 1'000'000'000);
 }
 
-TEST(LoopTime, sleepsUntilTheTimeAndNotForTimesThatPassed) {
+TEST(RealTime, sleepsUntilTheTimeAndNotForTimesThatPassed) {
   LoopTime clock;
   const std::int64_t due = clock.nowNs() + 3'000'000;
   clock.sleepUntilNs(due);

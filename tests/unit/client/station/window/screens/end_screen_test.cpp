@@ -35,7 +35,7 @@ Measure plain(const std::string& name) {
   return measure;
 }
 
-TEST(Verdict, missedRequirementsComeFirst) {
+TEST(EndScreen, missedRequirementsComeFirst) {
   const LessonVerdict verdict =
       verdictOf(scored({required("a", true), plain("b"), required("c", false), required("d", true)}));
   EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kNotPassed);
@@ -48,7 +48,7 @@ TEST(Verdict, missedRequirementsComeFirst) {
   EXPECT_EQ(verdict.by, "scored by this station");
 }
 
-TEST(Verdict, aSofterRenderingIsNotedNextToIt) {
+TEST(EndScreen, aSofterRenderingIsNotedNextToIt) {
   LessonOutcome outcome = scored({required("a", true)});
   EXPECT_TRUE(verdictOf(outcome).lowered.empty());
   outcome.summary.stiffness_share = 0.551;
@@ -57,24 +57,24 @@ TEST(Verdict, aSofterRenderingIsNotedNextToIt) {
   EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("Bone was left out"));
 }
 
-TEST(Verdict, allMetIsPassed) {
+TEST(EndScreen, allMetIsPassed) {
   const LessonVerdict verdict = verdictOf(scored({required("a", true), required("b", true)}));
   EXPECT_EQ(verdict.kind, LessonVerdict::Kind::kPassed);
   EXPECT_THAT(verdict.title, HasSubstr("Passed"));
 }
 
-TEST(Verdict, withoutRequirementsThereIsNoFail) {
+TEST(EndScreen, withoutRequirementsThereIsNoFail) {
   EXPECT_EQ(verdictOf(scored({plain("a")})).kind, LessonVerdict::Kind::kNoRequirements);
 }
 
-TEST(Verdict, nothingRecordedIsNoScore) {
+TEST(EndScreen, nothingRecordedIsNoScore) {
   LessonOutcome outcome;
   EXPECT_EQ(verdictOf(outcome).kind, LessonVerdict::Kind::kNoScore);
   outcome.summary.score_json = "{";
   EXPECT_EQ(verdictOf(outcome).kind, LessonVerdict::Kind::kNoScore);
 }
 
-TEST(Verdict, ofAnExamIsTheDateOfItsResult) {
+TEST(EndScreen, ofAnExamShowsTheDateOfItsResult) {
   const test::WithZone zone("UTC");
   LessonOutcome outcome = scored({required("a", true), plain("b")});
   outcome.summary.results_from_unix_ns = 1'780'495'200'000'000'000;
@@ -87,7 +87,7 @@ TEST(Verdict, ofAnExamIsTheDateOfItsResult) {
   EXPECT_EQ(verdict.ended, "time is over");
 }
 
-TEST(Verdict, whoStoppedItAndWhy) {
+TEST(EndScreen, whoStoppedItAndWhy) {
   LessonOutcome outcome = scored({plain("a")});
   outcome.summary.stopped = StopCause{"ines", "wrong side"};
   EXPECT_EQ(verdictOf(outcome).ended, "stopped by ines: wrong side");
@@ -97,7 +97,7 @@ TEST(Verdict, whoStoppedItAndWhy) {
   EXPECT_THAT(verdictOf(outcome).ended, HasSubstr("FAULT"));
 }
 
-TEST(Verdict, whereTheRecordingIs) {
+TEST(EndScreen, whereTheRecordingIs) {
   LessonOutcome outcome = scored({plain("a")});
   EXPECT_THAT(verdictOf(outcome).kept, HasSubstr("this station's spool"));
   outcome.summary.has_server = true;
@@ -112,7 +112,7 @@ TEST(Verdict, whereTheRecordingIs) {
   EXPECT_FALSE(verdictOf(outcome).kept_well);
 }
 
-TEST(Verdict, aCodeThatWasNotCheckedWaitsForAManager) {
+TEST(EndScreen, aCodeThatWasNotCheckedWaitsForAManager) {
   LessonOutcome outcome = scored({plain("a")});
   EXPECT_EQ(verdictOf(outcome).waits, "");
   outcome.code_unchecked = true;
@@ -120,7 +120,7 @@ TEST(Verdict, aCodeThatWasNotCheckedWaitsForAManager) {
             "The server is away: your code was not checked. A manager confirms this session later.");
 }
 
-TEST(Verdict, aServersRefusalIsShown) {
+TEST(EndScreen, aServersRefusalIsShown) {
   LessonOutcome outcome = scored({plain("a")});
   outcome.summary.has_server = true;
   outcome.summary.uplink.current_trouble = "no such trainee";

@@ -15,7 +15,7 @@ LessonStatus faulted(Fault fault) {
   return status;
 }
 
-TEST(LessonLine, saysWhoAndWhichAttemptOrThatACodeWasNotChecked) {
+TEST(LessonScreen, saysWhoAndWhichAttemptOrThatACodeWasNotChecked) {
   LessonBeginning beginning;
   beginning.trainee = "tom";
   EXPECT_EQ(lessonLine(beginning), "tom");

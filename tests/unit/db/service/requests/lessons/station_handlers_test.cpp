@@ -5,7 +5,7 @@
 namespace needlelab {
 namespace {
 
-class MessagesToStation : public test::ServiceTest {
+class StationHandlers : public test::ServiceTest {
  protected:
   void SetUp() override { addStation(); }
   static pb::Request messageTo(const std::string& name, const std::string& text) {
@@ -40,7 +40,7 @@ class MessagesToStation : public test::ServiceTest {
   }
 };
 
-TEST_F(MessagesToStation, everyWordIsInTheAuditLogWithWhoAndWhat) {
+TEST_F(StationHandlers, everyWordIsInTheAuditLogWithWhoAndWhat) {
   expectDelivered(instructor, messageTo("station-1", "slower, please"));
   pb::AuditEntry line = newestAudit();
   EXPECT_EQ(line.who(), "ina");
@@ -80,7 +80,7 @@ TEST_F(MessagesToStation, everyWordIsInTheAuditLogWithWhoAndWhat) {
   expectDelivered(instructor, stop(""));
 }
 
-TEST_F(MessagesToStation, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
+TEST_F(StationHandlers, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
   const auto before = newestAudit().id();
   pb::Request wrong = aids({pb::Exercise::DEPTH, pb::Exercise::DEPTH});
   EXPECT_EQ(refusal(instructor, wrong), ErrorCode::kInvalidInput) << "twice";
@@ -111,7 +111,7 @@ TEST_F(MessagesToStation, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
   EXPECT_EQ(newestAudit().id(), before) << "a refused message was never sent";
 }
 
-TEST_F(MessagesToStation, aRemarkOnARunningLessonIsKept) {
+TEST_F(StationHandlers, aRemarkOnARunningLessonIsKept) {
   addPerson("anna", pb::TRAINEE);
   const Uuid id = addSession("anna", 3);
   pb::Request annotate;

@@ -12,7 +12,7 @@
 namespace needlelab {
 namespace {
 
-class ClassLists : public test::TeachingTest {
+class PeopleImport : public test::TeachingTest {
  protected:
   /// "PREFIX0;PREFIX1;…"
   static std::string groupCell(const std::string& prefix, std::size_t count) {
@@ -27,7 +27,7 @@ class ClassLists : public test::TeachingTest {
   }
 };
 
-TEST_F(ClassLists, aHundredGroupsPerPersonAndFaultsNameTheLine) {
+TEST_F(PeopleImport, aHundredGroupsPerPersonAndFaultsNameTheLine) {
   const std::string full = groupCell("g", kMaxGroupsOfPerson);
   const auto refused = importPeople("name,group\nben,a\nanna," + full + ";one-more\n");
   EXPECT_FALSE(refused.done());
@@ -48,7 +48,7 @@ TEST_F(ClassLists, aHundredGroupsPerPersonAndFaultsNameTheLine) {
   EXPECT_EQ(count("SELECT count(*) FROM group_members"), 100);
 }
 
-TEST_F(ClassLists, areReadAsSpreadsheetsWriteThem) {
+TEST_F(PeopleImport, listsAreReadAsSpreadsheetsWriteThem) {
   for (const std::string csv :
        {"name,full_name,role\nanna,Anna A,trainee\nben,Ben B,trainee\n",
         "name;full_name;role\r\nanna;Anna A;trainee\r\nben;Ben B;trainee\r\n",
@@ -80,7 +80,7 @@ TEST_F(ClassLists, areReadAsSpreadsheetsWriteThem) {
   EXPECT_THAT(comma.rows(0).text(), testing::HasSubstr("separated by semicolons"));
 }
 
-TEST_F(ClassLists, codesThatASpreadsheetRoundedAndCodesOfTwoPeopleAreFaults) {
+TEST_F(PeopleImport, codesThatASpreadsheetRoundedAndCodesOfTwoPeopleAreFaults) {
   for (const char* const code : {"4.71221E+11", "\"4,71221E+11\"", "5E+12", "4.7e-05"}) {
     const auto report = importPeople("name,code\nanna," + std::string(code) + "\n");
     ASSERT_EQ(report.faults(), 1u) << code;
@@ -94,7 +94,7 @@ TEST_F(ClassLists, codesThatASpreadsheetRoundedAndCodesOfTwoPeopleAreFaults) {
   EXPECT_TRUE(importPeople("name,code\nanna,4E11\nben,1E5-X\ncarl,471221\n").done()) << "codes of badges";
 }
 
-TEST_F(ClassLists, tooManyGroupsInATableAreRefusedAtTheLine) {
+TEST_F(PeopleImport, tooManyGroupsInATableAreRefusedAtTheLine) {
   std::string csv = "name,group\n";
   for (int i = 0; i < 201; ++i) csv += "s" + std::to_string(i) + "," + groupCell("g", 100) + "\n";
   const Error refused = refusedTable(csv);
@@ -103,7 +103,7 @@ TEST_F(ClassLists, tooManyGroupsInATableAreRefusedAtTheLine) {
   EXPECT_EQ(count("SELECT count(*) FROM people"), 0);
 }
 
-TEST_F(ClassLists, overfullGroupsInATableAreRefusedAtALine) {
+TEST_F(PeopleImport, overfullGroupsInATableAreRefusedAtALine) {
   ASSERT_OK(change([](Connection& c) -> Status {
     for (int i = 0; i < kMaxGroupMembers - 1; ++i)
       RETURN_IF_ERROR(PeopleStore(c).add({"p" + std::to_string(i), pb::TRAINEE, "", false, 1}));
@@ -124,7 +124,7 @@ TEST_F(ClassLists, overfullGroupsInATableAreRefusedAtALine) {
   EXPECT_TRUE(importPeople("name,group\nben,g0;g1\n").done());
 }
 
-TEST_F(ClassLists, theReportOfALongTableFitsIntoAMessage) {
+TEST_F(PeopleImport, theReportOfALongTableFitsIntoAMessage) {
   std::string csv = "name,group\n";
   for (int i = 0; i < 2000; ++i) {
     csv += std::to_string(10'000 + i) + std::string(kMaxNameBytes - 5, 'n') + ",";
@@ -138,7 +138,7 @@ TEST_F(ClassLists, theReportOfALongTableFitsIntoAMessage) {
   EXPECT_LE(report.ByteSizeLong(), handlers::kMaxReplyBytes - 5000 * (kMaxNameBytes + 3));
 }
 
-TEST_F(ClassLists, rowsGrantingRightsComeFirstAndTheRestAreCounted) {
+TEST_F(PeopleImport, rowsGrantingRightsComeFirstAndTheRestAreCounted) {
   std::string csv = "name,role,password,code\n";
   const auto addTrainees = [&](int from, int to) {
     for (int i = from; i < to; ++i) csv += "s" + std::to_string(i) + ",trainee,,\n";
@@ -165,7 +165,7 @@ TEST_F(ClassLists, rowsGrantingRightsComeFirstAndTheRestAreCounted) {
   }
 }
 
-TEST_F(ClassLists, tooManyRightsForTheReportAreRefusedAtTheLine) {
+TEST_F(PeopleImport, tooManyRightsForTheReportAreRefusedAtTheLine) {
   constexpr int kMost = 300;
   std::string csv = "name,full_name,role\n", one_more;
   ASSERT_OK(change([&](Connection& c) -> Status {
@@ -190,7 +190,7 @@ TEST_F(ClassLists, tooManyRightsForTheReportAreRefusedAtTheLine) {
   EXPECT_EQ(count("SELECT count(*) FROM people WHERE role = 2"), kMost + 1);
 }
 
-TEST_F(ClassLists, aPersonInVeryManyGroupsIsListedWithSome) {
+TEST_F(PeopleImport, aPersonInVeryManyGroupsIsListedWithSome) {
   constexpr int kGroups = 20'000;
   addPerson("anna", pb::TRAINEE);
   addPerson("ben", pb::TRAINEE);
