@@ -28,6 +28,7 @@ struct AccuracyCommand {
   std::vector<std::string> studies;  // empty = all
   bool long_form = false;
   bool no_instructions = false, count_only = false;
+  double loop_s = 1.5;  // of each model, in each round
   std::string data;
 };
 
@@ -156,7 +157,7 @@ int accuracy(const AccuracyCommand& command) {
     rows.insert(rows.end(), more->begin(), more->end());
   }
   line.begin("what a tick costs");
-  auto costs = measureCosts(command.long_form ? 20 : 1.5, line.callback());
+  auto costs = measureCosts(command.long_form ? 20 : command.loop_s, line.callback());
   if (!costs.ok()) return failed("accuracy", costs.error());
   addInstructions(command, *costs, notes);
   line.clear();
@@ -193,6 +194,7 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
   command->add_flag("--no-instructions", options->no_instructions,
                     "do not count instructions under valgrind");
   command->add_flag("--count-only", options->count_only)->group("");
+  command->add_option("--loop-seconds", options->loop_s)->group("")->check(CLI::Range(0.05, 60.0));
   command->add_option("--data", options->data,
                       "folder of the recordings; default: NEEDLELAB_DATA, else ../shared/data");
   command->callback([options, &chosen] { chosen = [options] { return accuracy(*options); }; });

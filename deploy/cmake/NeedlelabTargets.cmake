@@ -3,9 +3,11 @@
 #   -O0), -O1 under a sanitizer (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
 #   TOOL: only tests use it and time nothing with it, so it is compiled like a test
 # needlelab_program(NAME [TOOL] SOURCES ... DEPS ...)       -> executable NAME in bin/
-# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest binary; its tests are registered with ctest
-#   TOGETHER: all tests of the binary are one ctest test, because their common set-up is expensive
-#   SHORT: with TOGETHER, the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)
+# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest program, which is one test of ctest: thousands of
+#   starts would take minutes
+#   LANE n: of the programs that start others (net without unit) one runs at a time in each lane [1]
+#   SHARDS n: n tests of ctest with every n-th test each; for programs of more than a minute
+#   SHORT: the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
 #   COST: instead of TIMEOUT, if a long form needs the limit: tests that may take longest begin first
 #   Tests of an area with the same labels share a program (DECISIONS.md).
@@ -57,7 +59,6 @@ function(needlelab_missing name reason)
   set_tests_properties(${name} PROPERTIES LABELS unit SKIP_RETURN_CODE 77)
 endfunction()
 
-include(GoogleTest)
 # A test's own code runs briefly: without optimisation it compiles in two thirds of the time, without line tables in
 # four fifths of that. The tested code keeps its -O2.
 set(needlelab_test_options $<$<CONFIG:RelWithDebInfo>:-O0> $<$<CONFIG:RelWithDebInfo>:-g0>)
@@ -74,7 +75,7 @@ add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "TOGETHER;OPTIMISED" "TIMEOUT;COST" "LABEL;SHORT;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED" "TIMEOUT;COST;SHARDS;LANE" "LABEL;SHORT;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -99,38 +100,39 @@ function(needlelab_test name)
   if("determinism" IN_LIST ARG_LABEL)
     add_dependencies(needlelab_determinism_tests ${name})
   endif()
-  # One label such as unit-net-threads: ctest selects by regular expression, and gtest_discover_tests does not keep
-  # lists.
+  # One label such as unit-net-threads: ctest selects by regular expression.
   string(JOIN "-" label ${ARG_LABEL})
-  # A process under a sanitizer takes long to start, so there each program is one test.
   if(NEEDLELAB_SANITIZE)
     math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
   endif()
-  # deploy/test has two places for each core: a test that starts programs takes two.
-  set(processors 1)
-  if("net" IN_LIST ARG_LABEL AND NOT "unit" IN_LIST ARG_LABEL)
-    set(processors 2)
-  endif()
   # OpenBLAS's threads spin while they wait for each other: beside the other tests they take more of the processor than
-  # the test. Whole programs (net) run as users run them.
-  set(properties PROCESSORS ${processors})
-  if(NOT "net" IN_LIST ARG_LABEL)
-    list(APPEND properties ENVIRONMENT OPENBLAS_NUM_THREADS=1)
-  endif()
-  if(ARG_TOGETHER OR NEEDLELAB_SANITIZE)
-    set(names ${name})
-    if(ARG_SHORT)
-      string(JOIN ":" filter ${ARG_SHORT})
-      add_test(NAME ${name} COMMAND ${name} "--gtest_filter=${filter}")
-      add_test(NAME ${name}_whole CONFIGURATIONS Long COMMAND ${name})
-      list(APPEND names ${name}_whole)
-    else()
-      add_test(NAME ${name} COMMAND ${name})
+  # the test. Whole programs (net) run as users run them, and wait more than they compute: they begin first, one in each lane.
+  if("net" IN_LIST ARG_LABEL AND NOT "unit" IN_LIST ARG_LABEL)
+    if(NOT ARG_LANE)
+      set(ARG_LANE 1)
     endif()
-    set_tests_properties(${names} PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${properties})
-    return()
+    math(EXPR ARG_COST "3000 + ${ARG_COST}")
+    set(properties RESOURCE_LOCK lane-${ARG_LANE})
+  elseif(NOT "net" IN_LIST ARG_LABEL)
+    set(properties ENVIRONMENT OPENBLAS_NUM_THREADS=1)
   endif()
   # Tests that may take longest begin first, or they would run alone at the end.
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} ${properties})
+  list(APPEND properties LABELS "${label}" TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST})
+  set(filter "")
+  if(ARG_SHORT)
+    string(JOIN ":" short ${ARG_SHORT})
+    set(filter "--gtest_filter=${short}")
+    add_test(NAME ${name}_whole CONFIGURATIONS Long COMMAND ${name})
+    set_tests_properties(${name}_whole PROPERTIES ${properties})
+  endif()
+  if(NOT ARG_SHARDS)
+    add_test(NAME ${name} COMMAND ${name} ${filter})
+    set_tests_properties(${name} PROPERTIES ${properties})
+    return()
+  endif()
+  math(EXPR last "${ARG_SHARDS} - 1")
+  foreach(shard RANGE ${last})
+    add_test(NAME ${name}.${shard} COMMAND ${CMAKE_COMMAND} -E env GTEST_TOTAL_SHARDS=${ARG_SHARDS} GTEST_SHARD_INDEX=${shard} $<TARGET_FILE:${name}> ${filter})
+    set_tests_properties(${name}.${shard} PROPERTIES ${properties})
+  endforeach()
 endfunction()

@@ -46,12 +46,12 @@ class Committed(unittest.TestCase):
     def setUp(self):
         self.nightly = nightly()
 
-    def test_no_piece_is_longer_than_35_minutes_and_all_fit_into_six_hours(self):
+    def test_no_piece_is_longer_than_35_minutes_and_all_fit_into_seven_hours(self):
         pieces = self.nightly.PIECES
         self.assertEqual(len({piece.name for piece in pieces}), len(pieces))
         for piece in pieces:
             self.assertLessEqual(piece.minutes, self.nightly.LIMIT_MIN, piece.name)
-        self.assertLess(sum(piece.minutes for piece in pieces), 360)
+        self.assertLess(sum(piece.minutes for piece in pieces), 420)
 
     def test_every_program_and_every_test_that_a_piece_names_is_there(self):
         lists = "\n".join(path.read_text(encoding="utf-8") for path in ROOT.glob("**/CMakeLists.txt") if "build" not in path.parts)

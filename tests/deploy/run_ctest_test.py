@@ -122,6 +122,7 @@ class RunCtest(unittest.TestCase):
             "Disk.isFull": [printing("disk", GTEST)],
             "judge": [printing("judge", "Ran 9 tests in 1 s\n\nOK (skipped=2)\n")],
             "web": [printing("web", "# pass 4\n# skipped 1\n")],
+            "program": [printing("program", "[  PASSED  ] 4 tests.\n\n  YOU HAVE 1 DISABLED TEST\n\n")],
             "console": [printing("console", "ℹ pass 4\nℹ skipped 1\n")],
             "off": ["add_test(off true)", "set_tests_properties(off PROPERTIES DISABLED ON)"],
             "regex": [printing("regex", "no luck"),
@@ -129,7 +130,7 @@ class RunCtest(unittest.TestCase):
         tests = [line for lines in skipping.values() for line in lines] + passing(3)
         code, lines = run(*tests, skips="")
         self.assertEqual(code, 1, lines)
-        self.assertTrue(lines[-1].startswith("7 skipped, which "), lines)
+        self.assertTrue(lines[-1].startswith("8 skipped, which "), lines)
         self.assertTrue(lines[-1].endswith("does not allow: " + ", ".join(sorted(skipping))), lines)
         code, lines = run(*tests, skips="# allowed\n" + "".join(f"{name}  because of the test\n" for name in skipping))
         self.assertEqual(code, 0, lines)
