@@ -29,7 +29,7 @@ class Numbers(unittest.TestCase):
     def test_a_column_is_its_least_number_mean_and_greatest_or_how_many_texts(self):
         self.assertEqual(self.summary("# by hand\nmodel,error_n,p50_ns\nVOIGT,1,300\nDAHL,2.5,\nDAHL,-0.5,500\n"),
                          {"rows": 3, "model": 2, "error_n": [-0.5, 1.0, 2.5], "p50_ns": [300, 400, 500]})
-        self.assertEqual(self.summary("a,b\nnan,1\n2,\n"), {"rows": 2, "a": 2, "b": [1, 1, 1]})
+        self.assertEqual(self.summary("a,b,c\nnan,1,nan\n2,,nan\n"), {"rows": 2, "a": [2, 2, 2], "b": [1, 1, 1], "c": 1})
         self.assertEqual(self.summary(""), {"rows": 0})
 
     def changed(self, noted, now):

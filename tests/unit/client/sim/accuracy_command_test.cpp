@@ -31,7 +31,7 @@ TEST(AccuracyCommand, oneStudyGivesTableJsonCsvAndPicture) {
   const TempFolder folder;
   const auto json_file = folder.path() / "rows.json", out = folder.path() / "out";
   const Outcome outcome = sim({"accuracy", "--study", "verification", "--no-instructions", "--loop-seconds",
-                               "0.05", "--json", json_file.string(), "--out", out.string()});
+                               "0.5", "--json", json_file.string(), "--out", out.string()});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("each model against its own closed form"));
   EXPECT_THAT(outcome.out, HasSubstr("→ At 1 kHz and 10 µm"));
