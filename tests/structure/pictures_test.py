@@ -24,7 +24,7 @@ class Numbers(unittest.TestCase):
         with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
             file.write(text)
             file.flush()
-            return draw.summary(file.name)
+            return draw.summary(draw.rows_of(file.name))
 
     def test_a_column_is_its_least_number_mean_and_greatest_or_how_many_texts(self):
         self.assertEqual(self.summary("# by hand\nmodel,error_n,p50_ns\nVOIGT,1,300\nDAHL,2.5,\nDAHL,-0.5,500\n"),
@@ -47,6 +47,14 @@ class Numbers(unittest.TestCase):
             self.assertEqual(len(self.changed({"rows": 3, "model": 2}, now)), 1, now)
         self.assertEqual(draw.differences("figures", {"a.csv": {"rows": 1}}, {}), ["figures: no table a.csv"])
         self.assertEqual(len(draw.differences("figures", {}, {"a.csv": {"rows": 1}})), 1)
+
+    def test_a_results_rows_are_noted_for_each_case(self):
+        with tempfile.TemporaryDirectory() as folder:
+            out = draw.pathlib.Path(folder)
+            (out / "result.json").write_text('{"rows": [{"case": "a", "measured": 1, "note": ""}, {"case": "b", "measured": null, "note": "x"},'
+                                             ' {"case": "a", "measured": 3, "note": ""}]}', encoding="utf-8")
+            self.assertEqual(draw.tables_in("stability", out), {"a": {"rows": 2, "case": 1, "measured": [1, 2, 3], "note": 0},
+                                                                "b": {"rows": 1, "case": 1, "measured": 0, "note": 1}})
 
     def test_every_picture_of_a_part_is_there_and_has_noted_numbers(self):
         noted = draw.json.loads(draw.NOTED.read_text(encoding="utf-8"))
