@@ -8,6 +8,8 @@
 #   LANE n: of the programs that start others (net without unit) one runs at a time in each lane [1]
 #   SHARDS n: n tests of ctest with every n-th test each; for programs of more than a minute
 #   SHORT: the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)
+#   NUMBERS: tests (patterns) that repeat the same code for the sake of numbers, minutes under a sanitizer: there only
+#   deploy/test --asan runs them, as NAME_numbers
 #   OPTIMISED: its own code computes for long, so it is compiled like a library
 #   COST: instead of TIMEOUT, if a long form needs the limit: tests that may take longest begin first
 #   Tests of an area with the same labels share a program (DECISIONS.md).
@@ -75,7 +77,7 @@ add_custom_target(needlelab_threaded_tests)
 add_custom_target(needlelab_memory_tests)
 add_custom_target(needlelab_determinism_tests)
 function(needlelab_test name)
-  cmake_parse_arguments(ARG "OPTIMISED" "TIMEOUT;COST;SHARDS;LANE" "LABEL;SHORT;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED" "TIMEOUT;COST;SHARDS;LANE" "LABEL;SHORT;NUMBERS;SOURCES;DEPS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -124,6 +126,12 @@ function(needlelab_test name)
     set(filter "--gtest_filter=${short}")
     add_test(NAME ${name}_whole CONFIGURATIONS Long COMMAND ${name})
     set_tests_properties(${name}_whole PROPERTIES ${properties})
+  endif()
+  if(ARG_NUMBERS AND NEEDLELAB_SANITIZE)
+    string(JOIN ":" numbers ${ARG_NUMBERS})
+    set(filter "--gtest_filter=-${numbers}")
+    add_test(NAME ${name}_numbers CONFIGURATIONS Numbers COMMAND ${name} "--gtest_filter=${numbers}")
+    set_tests_properties(${name}_numbers PROPERTIES ${properties})
   endif()
   if(NOT ARG_SHARDS)
     add_test(NAME ${name} COMMAND ${name} ${filter})
