@@ -133,7 +133,7 @@ double endOfCut(const SceneModel& model, const SimState& state) {
   const CutMemory& cuts = state.cuts;
   const double radius_m = model.stage_numbers[kCutOwn][kCutRadius_m];
   const Vec3 wall_W_m = pointAt(state, state.wall_m);
-  double end_m = cuts.own < kMaxCutTracks ? cuts.tracks[cuts.own].length_m : 0.0;
+  double end_m = cuts.own < kMaxCutTracks ? std::max(0.0, cuts.tracks[cuts.own].length_m) : 0.0;
   for (std::uint32_t i = 0; i < cuts.count; ++i) {
     if (i == cuts.own) continue;
     const CutTrack& track = cuts.tracks[i];

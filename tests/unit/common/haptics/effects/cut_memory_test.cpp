@@ -60,6 +60,23 @@ TEST(CutMemory, recuttingATrackCostsItsShareAndFreshTissueTheWhole) {
   EXPECT_NEAR(insertAgain(probe, 0.020).back().cutting_N, -kCutShare * 2.0, 1e-9) << "now it is cut to 21 mm";
 }
 
+// E ≥ 0, so w ≥ min(x − σ·Δ_cut, 0), also where the line's move has left the own track's end behind P0
+TEST(CutMemory, aNeedleThatSlidesAsideUnderTheSkinFeelsNoMoreThanACutOrItsWay) {
+  for (const double tilt_deg : {0.0, 30.0, 45.0, 60.0}) {
+    Probe probe(cutScene(kAxial), 1000);
+    probe.tilt(tilt_deg * kDegree);
+    const double aside = std::tan(tilt_deg * kDegree);
+    probe.at(-0.003, -0.003 * aside);
+    probe.go(400, 0.004, 0.004 * aside);
+    probe.go(200, 0.0003, 0.0003 * aside);
+    for (const double to_m : {0.008, -0.004})
+      for (const StepReport& report : probe.go(600, 0.0003, to_m))
+        ASSERT_LE(-report.cutting_N,
+                  std::max(kCutShare * 2.0, kWallStiffness_N_per_m * report.insertion_m) + 1e-9)
+            << tilt_deg << " degrees, " << report.insertion_m << " m inserted";
+  }
+}
+
 TEST(CutMemory, withoutItTheSameTrackCostsTheWholeAgain) {
   Probe probe(withEffects(cutScene(), kCut), 1000);
   probe.at(-0.001);
