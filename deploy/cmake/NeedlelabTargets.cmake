@@ -3,8 +3,8 @@
 #   -O0), -O1 under a sanitizer (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
 #   TOOL: only tests use it and time nothing with it, so it is compiled like a test
 # needlelab_program(NAME [TOOL] SOURCES ... DEPS ...)       -> executable NAME in bin/
-# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest program, which is one test of ctest: thousands of
-#   starts would take minutes
+# needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest program, one test of ctest: a start takes longer than
+#   most tests
 #   LANE n: of the programs that start others (net without unit) one runs at a time in each lane [1]
 #   SHARDS n: n tests of ctest with every n-th test each; for programs of more than a minute
 #   SHORT: the tests (patterns) that deploy/test runs; NAME_whole runs all of them in the nightly (ctest -C Long)

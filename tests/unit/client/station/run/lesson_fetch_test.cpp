@@ -120,14 +120,14 @@ TEST_F(LessonFetchTest, offLineOtherLessonsAreForAllWithoutACount) {
 
 TEST_F(LessonFetchTest, needsForTheServerAreExplainedInTheLabsWords) {
   options_.exercise = "never-fetched";
-  // one that cannot be reached is waited for
+  // a server that cannot be reached is waited for
   EXPECT_EQ(refusal(), "The server cannot be reached, and no lessons are stored here: ask the instructor.");
-  options_.servers.clear();
   keep("ball", false);
   keep("box", true);
   EXPECT_EQ(refusal(),
-            "This station has no server. These lessons are stored here: \"The ball\". Others need the "
+            "The server cannot be reached. These lessons are stored here: \"The ball\". Others need the "
             "server: ask the instructor.");
+  options_.servers.clear();
   keepStandings(1);  // by the server's last answer, ball now belongs to the exam
   EXPECT_EQ(refusal(),
             "This station has no server. These lessons are stored here: \"The ball\", \"The box\". Others "
