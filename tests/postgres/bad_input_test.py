@@ -189,10 +189,11 @@ def addresses(programs, scratch):
     except socket.gaierror as error:
         code = 1 if error.errno == socket.EAI_AGAIN else 2
     programs.refused("a host that does not exist", new, f"postgresql://anna@{name}/lab", [name], code)
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        closed = probe.getsockname()[1]
-    programs.refused("a host that is down", new, f"postgresql://anna@127.0.0.1:{closed}/lab", ["Connection refused"], 1)
-    programs.refused("one of two hosts may come back", new, f"postgresql://anna@127.0.0.1:{closed},{name}:5432/lab", ["Connection refused"], 1)
+    with socket.socket() as bound:  # but not listening: no other program gets the port
+        bound.bind(("127.0.0.1", 0))
+        closed = bound.getsockname()[1]
+        programs.refused("a host that is down", new, f"postgresql://anna@127.0.0.1:{closed}/lab", ["Connection refused"], 1)
+        programs.refused("one of two hosts may come back", new, f"postgresql://anna@127.0.0.1:{closed},{name}:5432/lab", ["Connection refused"], 1)
     old = OldServer()
     programs.refused("an old server", new, f"postgresql://anna@127.0.0.1:{old.port}/lab", ["is PostgreSQL 14", "needs 15 or later", "upgrade"])
 

@@ -13,6 +13,17 @@
 
 namespace needlelab::test {
 
+/// A port of this machine that refuses connections, and that no other program gets while the object lives.
+class ClosedPort {
+ public:
+  ClosedPort() : socket_(io_, Tcp::v4()) { socket_.bind({asio::ip::address_v4::loopback(), 0}); }
+  [[nodiscard]] std::uint16_t port() const { return socket_.local_endpoint().port(); }
+
+ private:
+  asio::io_context io_;
+  Tcp::socket socket_;
+};
+
 /// Thread: call the public members from the test's thread.
 class LoopbackServer {
  public:

@@ -82,11 +82,8 @@ class ServerLinkTest : public testing::Test {
 TEST_F(ServerLinkTest, waitsLongerAfterEachFailure) {
   ScriptedServer server(friendly);
   auto config = server.config();
-  {
-    asio::io_context other;
-    Tcp::acceptor nobody(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
-    config.server.port = nobody.local_endpoint().port();
-  }
+  const ClosedPort closed;
+  config.server.port = closed.port();
   makeLink();
   link_->logIn(config);
   Backoff same(7, {milliseconds(200), milliseconds(10'000), 2.0});
@@ -110,11 +107,8 @@ TEST_F(ServerLinkTest, aProbedServerIsRetriedWithinTheLimitAndFound) {
   ScriptedServer server(friendly);
   auto config = server.config();
   const std::uint16_t listening = config.server.port;
-  {
-    asio::io_context other;
-    Tcp::acceptor nobody(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
-    config.server.port = nobody.local_endpoint().port();
-  }
+  const ClosedPort closed;
+  config.server.port = closed.port();
   makeLink();
   retry_ = Retry::kProbe;
   link_->logIn(config);
@@ -471,11 +465,6 @@ class ServerLinkOfTwo : public ServerLinkTest {
   [[nodiscard]] bool isAt(const Endpoint& server) {
     return online() && sameEndpoint(link_->server(), server);
   }
-  static Endpoint nobody() {
-    asio::io_context other;
-    Tcp::acceptor gone(other, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
-    return {"127.0.0.1", gone.local_endpoint().port()};
-  }
 
   /// A script that a test may change while the server runs.
   class Says {
@@ -493,6 +482,7 @@ class ServerLinkOfTwo : public ServerLinkTest {
     std::mutex mutex_;
     ScriptedServer::Script script_ = friendly;
   };
+  const ClosedPort closed_;
   Says first_says_, second_says_;
   ScriptedServer first_{[this](const pb::Envelope& got) { return first_says_.answer(got); }};
   ScriptedServer second_{[this](const pb::Envelope& got) { return second_says_.answer(got); }, first_.files};
@@ -507,7 +497,7 @@ ScriptedServer::Script refusing(pb::Refusal::Reason reason) {
 }
 
 TEST_F(ServerLinkOfTwo, aDeadServerIsPassedOverWithoutAWait) {
-  const Endpoint dead = nobody();
+  const Endpoint dead{"127.0.0.1", closed_.port()};
   connectTo({dead, second()});
   ASSERT_TRUE(isAt(second()));
   EXPECT_TRUE(ends_.empty());
@@ -539,7 +529,8 @@ TEST_F(ServerLinkOfTwo, afterALossTheOtherIsTriedAfterTheFirstWait) {
 }
 
 TEST_F(ServerLinkOfTwo, aRoundThroughAllBacksOffAndReportsEachOutcome) {
-  const Endpoint dead = nobody(), gone = nobody();
+  const ClosedPort another;
+  const Endpoint dead{"127.0.0.1", closed_.port()}, gone{"127.0.0.1", another.port()};
   connectTo({dead, gone});
   // usually their database keeps both from serving, and it comes back for both at once
   Backoff same(7, {milliseconds(200), milliseconds(4'000), 2.0});
