@@ -12,6 +12,9 @@
 namespace needlelab {
 namespace {
 
+/// Where the orientation is not measured: from this inserted length on the axis is the line from P0 to the tip.
+constexpr double kPointsFrom_m = 2e-3;
+
 // returns the shortest rotation from +z to `axis`, which must not be near −z
 Quat shortest(Vec3 axis) {
   return normalized(Quat{-axis.y, axis.x, 0, 1 + axis.z});
@@ -39,7 +42,10 @@ Quat rotationOfAxis(Vec3 axis) noexcept {
 Quat AssumedAxis::at(const SceneModel& model, const SimState& before, Vec3 p_WT_m) const noexcept {
   const double depth_m = signedDepth(model.limb, p_WT_m);
   const bool inside = depth_m > 0;
-  if (inside && before.inside) return kept_;
+  if (inside && before.inside) {
+    const Vec3 arm = p_WT_m - before.p_entry_W_m;
+    return normSquared(arm) < kPointsFrom_m * kPointsFrom_m ? kept_ : rotationOfAxis(normalized(arm));
+  }
   const bool enters = inside && before.outside_once;
   // at a sphere's exact centre, without motion, any direction is valid
   Vec3 motion = p_WT_m - before.p_prev_W_m;

@@ -81,14 +81,15 @@ class SceneModel {
   double max_turn_rad = 0;         ///< 2 rad/s·T
   FixtureSteepness fixture_steepness;
   double fixture_push = 0;        ///< ½ for a CONSERVATIVE fixture, 0 for a PROPORTIONAL one
-  double turn_begins_m = 0;       ///< d_t up to which u follows the hand …
-  double turn_slope_N_per_m = 0;  ///< … and the slope of the turning force from there
+  double lay_again_m = 0;         ///< d_t up to which a turn lays the layers along u again
+  double aim_share = 0;           ///< 1 − e^(−T/kAimTime_s)
   TrackingWallSpec wall;
   VirtualFixtureSpec fixture;
   OrientationLimitSpec orientation;
   double friction_stiffness_N_per_m = 0;
   double needle_length_m = 0;
   double needle_length_squared_m2 = 0;
+  double inverse_needle_squared_per_m2 = 0;
   double max_force_N = 0;
   double surely_below_cap_N = 0;     ///< max_force_N less a margin for rounding
   bool is_plane = false;             ///< the limb is this half-space

@@ -127,7 +127,15 @@ struct LayersAlong {
   std::uint32_t stiffness_count = 0;
   StiffnessSpan stiffness_here{};  ///< the span used last
   double deepest_m = 0;            ///< where the line is deepest in the limb; infinite under a plane
-  double hold_m = 0;  ///< f_max/k at half the needle's length: u turns at this deviation at the latest
+};
+
+/// How a wall relaxes in a stop.
+struct Relaxation {
+  std::uint64_t ramp_ticks = 0;  ///< RAMP: its remaining part once it has closed the gap; 0: the wall follows
+                                 ///< a drift
+  double step_m = 0;             ///< m of eq. 5
+  double way_m = 0;              ///< RAMP: the wall's remaining distance
+  double stretch_m = 0;          ///< z0 of EXPONENTIAL
 };
 
 /// Value-initialised: before the first tick. Only `step` changes it.
@@ -143,7 +151,8 @@ struct SimState {
   Vec3 p_entry_W_m;                ///< P0
   Vec3 normal_W;                   ///< n at P0, out of the tissue
   Vec3 u_W;                        ///< the trajectory's direction, a unit vector
-  Vec3 u0_W;                       ///< u at entry, or where it last followed the axis near the skin
+  Vec3 u0_W;                       ///< u at entry; near the skin it follows u
+  Vec3 aim_W;                      ///< the needle's axis with a lag, up to which u may turn; not a unit vector
   double slant = 1;                ///< c = max(0.05, −n·u)
   double inverse_slant = 1;        ///< 1/c
   std::uint32_t layer = 0;         ///< by δ
@@ -167,12 +176,10 @@ struct SimState {
   bool moves_in = true;         ///< the direction in which it last left a band
   bool armed = false;           ///< it has moved fast since the last stop
   bool stopped = false;
-  std::uint64_t ramp_ticks =
-      0;  ///< RAMP: the ramp's remaining part once it has closed the gap; 0: the wall follows a drift
-  double stop_least_m = 0;    ///< the least |z| of this stop
-  double stop_step_m = 0;     ///< m of eq. 5
-  double stop_way_m = 0;      ///< RAMP: the wall's remaining distance
-  double stop_stretch_m = 0;  ///< z0 of EXPONENTIAL
+  double stop_least_m = 0;       ///< the least |z| of this stop
+  Vec3 across_from_W_m;          ///< slow: from here the needle has gone less than the band across its line …
+  std::uint64_t across_tick = 0;  ///< … since this `ticks_inside`
+  Relaxation wall_rest, friction_rest;
 
   // shaft friction
   double friction_wall_m = 0;  ///< w_f

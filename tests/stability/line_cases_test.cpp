@@ -52,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(Line, LineDefectFails,
 TEST(ReAim, aTrajectoryThatTurnsAtNothingFails) {
   const CaseRow row = rowWith(Defect::kTurnsFreely, "re_aim");
   EXPECT_FALSE(row.passed) << rowText(row);
-  EXPECT_NE(row.note.find("not so: the page's force"), std::string::npos) << row.note;
+  EXPECT_NE(row.note.find("not so: the page's angle"), std::string::npos) << row.note;
 }
 
 // like an earlier gate: force and torque each with their own share, which rises in contact

@@ -41,10 +41,11 @@ struct FixturePull {
 /// everything that depends on u afterwards.
 [[gnu::always_inline]] inline FixturePull applyClamping(const SceneModel& model, const TipSample& sample,
                                                         SimState& state, Tick& tick, StepReport& report) {
+  followAxis(model, sample, state);
   LateralStiffness of = lateralStiffness(state.along, tick.insertion_m);
   double force_N = of.k_N_per_m * tick.lateral_m;
   double line_N_per_m = of.k_N_per_m, stretch_m = tick.lateral_m;
-  if (!certainlyHolds(model, state.along, tick, force_N)) [[unlikely]] {
+  if (!(isWithinTurn(model, tick) && force_N <= model.fixture.max_force_N)) [[unlikely]] {
     if (turnTrajectory(model, sample, state)) report.flags |= kFlagTurn;
     project(state, sample.p_WT_m, tick);
     of = lateralStiffness(state.along, tick.insertion_m);

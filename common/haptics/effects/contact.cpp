@@ -22,6 +22,7 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   state.p_entry_W_m = entryPoint(state, sample.p_WT_m, depth_m);
   state.normal_W = surfaceNormal(model.limb, state.p_entry_W_m, motion);
   state.u_W = state.u0_W = entryDirection(axis, state.normal_W);
+  state.aim_W = axis;
   ++state.line_changes;
   assert(isUnit(state.normal_W) && isUnit(state.u_W));
   state.slant = std::max(0.05, -dot(state.normal_W, state.u_W));
@@ -38,10 +39,12 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   state.wall_m = state.friction_wall_m = std::min(0.0, dot(state.u_W, sample.p_WT_m - state.p_entry_W_m));
   state.wall_stiffness_N_per_m = model.layers[0].wall_stiffness_N_per_m;
   state.band_low_m = state.band_high_m = 0.0;
-  state.band_tick = state.fast_tick = state.ramp_ticks = 0;
+  state.band_tick = state.fast_tick = state.across_tick = 0;
+  state.across_from_W_m = sample.p_WT_m;
   state.moves_in = true;
   state.armed = state.stopped = false;
-  state.stop_least_m = state.stop_step_m = state.stop_way_m = state.stop_stretch_m = 0.0;
+  state.stop_least_m = 0.0;
+  state.wall_rest = state.friction_rest = {};
   state.membranes_met = state.membranes_ruptured = 0;
   ++state.insertions;
   state.table_row = 0;

@@ -9,11 +9,11 @@
 
 namespace needlelab {
 
-void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept {
-  assert(isUnit(axis_W) && isUnit(u_before_W));
+void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u0_before_W) noexcept {
+  assert(isUnit(axis_W) && isUnit(u0_before_W));
   // θ did not rise if the cosine grew by more than rounding: the usual case, which needs no angles
-  if (dot(axis_W, state.u_W) > dot(axis_W, u_before_W) + 1e-12) return;
-  const double rise = angleBetween(axis_W, state.u_W) - angleBetween(axis_W, u_before_W);
+  if (dot(axis_W, state.u0_W) > dot(axis_W, u0_before_W) + 1e-12) return;
+  const double rise = angleBetween(axis_W, state.u0_W) - angleBetween(axis_W, u0_before_W);
   if (rise <= 0.0) return;
   state.tilt_limit_rad = tiltLimit(model, state) + rise;
   state.tilt_limit_is_cone = false;
@@ -24,8 +24,8 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
   assert(!(insertion_m > model.needle_length_m));
   report.wrench_W.torque_Nm = {};
   const Vec3 axis = normalized(Vec3{axis_x, axis_y, axis_z});
-  const Vec3 across = cross(axis, state.u_W);
-  const double along = dot(axis, state.u_W);
+  const Vec3 across = cross(axis, state.u0_W);
+  const double along = dot(axis, state.u0_W);
 
   // θ > α, as tan θ > (L − d)/(L + d) with both sides squared
   const double length = model.needle_length_m;

@@ -17,8 +17,8 @@ inline double tiltLimit(const SceneModel& model, const SimState& state) {
                                   : state.tilt_limit_rad;
 }
 
-/// Raises θ_l by as much as a turn of u raised θ.
-void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u_before_W) noexcept;
+/// Raises θ_l by as much as a turn of u0 raised θ.
+void followTurn(const SceneModel& model, SimState& state, Vec3 axis_W, Vec3 u0_before_W) noexcept;
 
 /// The needle's axis for the quick test of the cone; its length is 1 up to the quaternion's error.
 struct RawAxis {
@@ -43,7 +43,7 @@ void tiltNearCone(const SceneModel& model, SimState& state, double insertion_m, 
   // tan θ ≤ (L − d)/(L + d) is cos θ > 0 and 2 cos² θ (L² + d²) ≥ (L + d)². Cheap, but imprecise where θ is
   // small: unless the needle is inside by a margin far above rounding, the exact test decides
   constexpr double kTwo = 2.0 * (1.0 - 1e-12);
-  const double along = dot(raw.axis_W, state.u_W);
+  const double along = dot(raw.axis_W, state.u0_W);
   const double sum = length + insertion;
   const double squares = model.needle_length_squared_m2 + insertion * insertion;
   if (along * std::fabs(along) * squares * kTwo >= raw.squared * (sum * sum)) [[likely]] {

@@ -119,9 +119,12 @@ void takePhase(const SceneModel& model, const StoredTick& stored, SimState& stat
   if (stored.phase == Phase::kStopped) {
     state.stopped = true;
     state.armed = false;
-    state.stop_least_m = state.stop_stretch_m = stretch_m;
-    const double gap_m = std::max(0.0, stretch_m - model.layers[state.layer].rejection_stretch_m);
-    rampStep(model, state, gap_m, true);
+    state.stop_least_m = state.wall_rest.stretch_m = stretch_m;
+    const double z_m = cuttingPosition(state, x_m) - state.wall_m;
+    const double rest_m = z_m > 0 ? model.layers[state.layer].rejection_stretch_m : 0.0;
+    rampStep(model, state.wall_rest, std::max(0.0, stretch_m - rest_m), true);
+    state.friction_rest.stretch_m = std::fabs(cuttingPosition(state, x_m) - state.friction_wall_m);
+    rampStep(model, state.friction_rest, state.friction_rest.stretch_m, true);
   } else if (state.stopped) {
     state.stopped = false;
     state.armed =

@@ -1,10 +1,11 @@
-/// Shaft friction: a second tracking wall, dragged in both directions, stronger with inserted length
-/// (FORCE_MODEL.md, "Shaft friction").
+/// Shaft friction: a second tracking wall, dragged in both directions, stronger with inserted length. In a
+/// stop it relaxes until nothing is left (FORCE_MODEL.md, "Shaft friction").
 #pragma once
 
 #include <algorithm>
 #include <cassert>
 
+#include "common/haptics/effects/relaxation.h"
 #include "common/haptics/tick.h"
 
 namespace needlelab {
@@ -29,9 +30,12 @@ struct ShaftFrictionStep {
     if constexpr (!kLive) report.friction_N = 0.0;
   }
   [[gnu::always_inline]] static double apply(const SceneModel& model, SimState& state, const Tick& tick,
-                                             StepReport& report) {
-    if constexpr (kLive) return applyShaftFriction(model, state, tick, report);
-    return 0.0;
+                                             bool stop_begins, StepReport& report) {
+    if constexpr (!kLive) return 0.0;
+    if (state.stopped)
+      state.friction_wall_m = relaxedWall(model, state.friction_rest, state.friction_wall_m, tick.x_cut_m,
+                                          0.0, stop_begins);
+    return applyShaftFriction(model, state, tick, report);
   }
 };
 

@@ -24,7 +24,7 @@ std::uint64_t hashOf(const SimState& state) {
   assert(state.membranes_met <= kMaxLayers && state.tops_met <= kMaxLayers);
   assert(state.needle.stations <= kMaxNeedleStations && state.cuts.count <= kMaxCutTracks);
   hash.add(static_cast<std::uint64_t>(state.phase));
-  for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W}) hash.add(v);
+  for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W, state.aim_W}) hash.add(v);
   hash.add(state.slant);
   hash.add(std::uint64_t{state.layer});
   hash.add(state.ticks_inside);
@@ -35,10 +35,15 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(state.wall_m);
   hash.add(std::uint64_t{state.stopped} | std::uint64_t{state.armed} << 1 |
            std::uint64_t{state.moves_in} << 2);
-  for (const std::uint64_t tick : {state.fast_tick, state.band_tick, state.ramp_ticks}) hash.add(tick);
+  for (const std::uint64_t tick : {state.fast_tick, state.band_tick, state.across_tick}) hash.add(tick);
+  hash.add(state.across_from_W_m);
+  for (const Relaxation& rest : {state.wall_rest, state.friction_rest}) {
+    hash.add(rest.ramp_ticks);
+    for (const double d : {rest.step_m, rest.way_m, rest.stretch_m}) hash.add(d);
+  }
   for (const double d :
        {state.wall_stiffness_N_per_m, state.band_low_m, state.band_high_m, state.stop_least_m,
-        state.stop_step_m, state.stop_way_m, state.stop_stretch_m, state.friction_wall_m})
+        state.friction_wall_m})
     hash.add(d);
   hash.add(std::uint64_t{state.tilt_limit_is_cone});
   hash.add(state.tilt_limit_rad);

@@ -8,6 +8,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "common/haptics/effects/relaxation.h"
 #include "common/haptics/tick.h"
 
 namespace needlelab {
@@ -21,11 +22,6 @@ inline constexpr double kArmingSpeeds = 2.5;
 /// A stretch that has grown by this much means that the hand cuts, and does not just yield to the falling
 /// force.
 inline constexpr double kStopGrowth_m = 0.6e-3;
-/// A compliant hand follows the ramp's wall: the ramp may move this many times as far as for a hand at rest.
-inline constexpr double kRampWays = 6.0;
-/// After the ramp the wall follows a drifting hand at up to this speed.
-inline constexpr double kDriftSpeed_mps = 0.12e-3;
-
 /// Tracks the band of places where the needle has been; returns true in the tick in which the needle leaves
 /// it, where a new band begins. Places are stored with `x_shift_m` subtracted: a turn of u is not a movement.
 [[gnu::always_inline]] inline bool leavesBand(SimState& state, double x_m) {
@@ -43,6 +39,20 @@ inline constexpr double kDriftSpeed_mps = 0.12e-3;
   state.band_low_m = state.band_high_m = place_m;
   state.band_tick = state.ticks_inside;
   return true;
+}
+
+/// Whether the needle moves across its line: further than the band within the window of the speed. Call it in
+/// each slow tick. Displacement decides, not speed: tremor of 0.05 mm at 10 Hz is 3 mm/s.
+inline bool movesAcross(const SceneModel& model, SimState& state, Vec3 p_W_m) {
+  const std::uint64_t now = state.ticks_inside;
+  const bool first = state.fast_tick + 1 == now;
+  const Vec3 off = p_W_m - state.across_from_W_m;
+  const double along_m = dot(off, state.u_W);
+  if (!first && normSquared(off) - along_m * along_m < kRestBand_m * kRestBand_m) return false;
+  const bool moves = !first && now - state.across_tick <= model.speed_window;
+  state.across_from_W_m = p_W_m;
+  state.across_tick = now;
+  return moves;
 }
 
 /// Whether the current stop ends: judged by the stretch if the wall relaxes, otherwise by the band.
@@ -68,15 +78,18 @@ inline bool stopBegins(const SceneModel& model, const SimState& state) {
 /// The phase of a needle that is slow or stopped. Inline: a call here would cost the common tick its
 /// registers.
 template <bool kRelaxes>
-[[gnu::always_inline]] inline bool updateSlowPhase(const SceneModel& model, SimState& state, double x_m,
-                                                   double x_cut_m, double speed_mps, bool moved) {
+[[gnu::always_inline]] inline bool updateSlowPhase(const SceneModel& model, SimState& state, Vec3 p_W_m,
+                                                   double x_m, double x_cut_m, double speed_mps, bool moved) {
   const double speed = std::fabs(speed_mps);
+  const bool across = movesAcross(model, state, p_W_m);
   if (state.stopped) {
-    if (!stopEnds<kRelaxes>(model, state, x_cut_m, speed_mps, moved)) return false;
+    if (!stopEnds<kRelaxes>(model, state, x_cut_m, speed_mps, moved) && !across) return false;
     state.stopped = false;
     state.armed = speed >= model.arming_speed_mps && state.ticks_inside >= model.speed_window;
     state.fast_tick = state.band_tick = state.ticks_inside;
     state.band_low_m = state.band_high_m = x_m - state.x_shift_m;
+  } else if (across) {
+    state.fast_tick = state.band_tick = state.ticks_inside;
   } else if (stopBegins(model, state)) {
     state.stopped = true;
     state.armed = false;
@@ -92,52 +105,16 @@ template <bool kRelaxes>
 /// Begins and ends stops and sets the phase. Runs with or without a live wall; `kRelaxes`: the axial model's
 /// wall relaxes in a stop. Returns true at the tick that begins a stop.
 template <bool kRelaxes>
-[[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, const Tick& tick) {
+[[gnu::always_inline]] inline bool updatePhase(const SceneModel& model, SimState& state, Vec3 p_W_m,
+                                               const Tick& tick) {
   const bool moved = leavesBand(state, tick.x_m);
   const double speed = std::fabs(tick.speed_mps);
   if (state.stopped || speed < model.wall.stop_speed_mps) [[unlikely]]
-    return updateSlowPhase<kRelaxes>(model, state, tick.x_m, tick.x_cut_m, tick.speed_mps, moved);
+    return updateSlowPhase<kRelaxes>(model, state, p_W_m, tick.x_m, tick.x_cut_m, tick.speed_mps, moved);
   state.fast_tick = state.ticks_inside;
   if (speed >= model.arming_speed_mps && state.ticks_inside >= model.speed_window) state.armed = true;
   state.phase = tick.speed_mps > 0.0 ? Phase::kInserting : Phase::kWithdrawing;
   return false;
-}
-
-/// How far a RAMP's wall moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The ramp
-/// closes the gap and lasts one dwell longer, because a hand still yields for a while; then the wall only
-/// follows a drift.
-[[gnu::always_inline]] inline double rampStep(const SceneModel& model, SimState& state, double gap_m,
-                                              bool begins) {
-  assert(gap_m >= 0.0);
-  if (begins) {
-    state.ramp_ticks = model.dwell_ticks;
-    state.stop_step_m = gap_m / model.stop_ticks;
-    state.stop_way_m = kRampWays * gap_m;
-  }
-  if (state.ramp_ticks == 0) return std::min(gap_m, model.drift_step_m);
-  const double step_m = std::min({state.stop_step_m, gap_m, model.max_stop_step_m});
-  assert(step_m >= 0.0);
-  state.stop_way_m -= step_m;
-  if (step_m == gap_m || state.ramp_ticks < model.dwell_ticks) --state.ramp_ticks;
-  if (state.stop_way_m <= 0.0) state.ramp_ticks = 0;
-  return step_m;
-}
-
-/// Returns the wall after the update in a stop (eq. 4 and 5, as a ramp that depends on the needle's place).
-[[gnu::always_inline]] inline double relaxedWall(const SceneModel& model, SimState& state, double x_m,
-                                                 double rejection_m, bool begins) {
-  const double stretch = x_m - state.wall_m;
-  const double size = std::fabs(stretch);
-  double move;
-  if (model.wall.stop_mode == StopMode::kRamp) {
-    move = rampStep(model, state, std::max(0.0, size - rejection_m), begins);
-  } else {
-    if (begins) state.stop_stretch_m = size;
-    const double rest = std::max(rejection_m, model.wall.relax_residual * state.stop_stretch_m);
-    move = std::min(std::max(0.0, size - rest) * model.relax_share, model.max_stop_step_m);
-  }
-  assert(move >= 0.0 && !(move > size) && "the wall only comes nearer");
-  return state.wall_m + std::copysign(move, stretch);
 }
 
 /// Sets the spring K_t of this tick's layer. On entering a stiffer layer the stretch shrinks, so that the
@@ -185,7 +162,9 @@ template <class Cutting = CuttingStep<true>, class Attracted = AttractedStep<tru
   [[maybe_unused]] const Attracted attracted;
   const double x = tick.x_cut_m;
   double wall = state.wall_m;
-  if (state.stopped) wall = relaxedWall(model, state, x, stretch.rejection_m, stop_begins);
+  // a stretched wall keeps the rejection force; a compressed one would pull the needle in
+  if (state.stopped)
+    wall = relaxedWall(model, state.wall_rest, wall, x, x > wall ? stretch.rejection_m : 0.0, stop_begins);
   const double ahead = attracted.ahead(x, std::max(0.0, tick.depth_m) * state.inverse_slant, stretch);
   const double behind = cutting.behind(x, stretch);
   wall = std::min(std::max(wall, behind), ahead);

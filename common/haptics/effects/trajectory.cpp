@@ -16,6 +16,8 @@ namespace {
 constexpr double kSin80Degrees = 0.98480775301220805937;
 constexpr double kMinSlant = 0.05;
 constexpr double kBisection_rad = 1e-12;
+/// A turn by less is none: rounding does not decide whether layers are laid again.
+constexpr double kLeastTurn_rad = 1e-9;
 /// Closer to the tip than this, a new path does not change the layers along u.
 constexpr double kKeepAhead_m = 0.5e-3;
 constexpr double kNoEnd = std::numeric_limits<double>::infinity();
@@ -30,8 +32,7 @@ void moveLine(const SceneModel& model, const TipSample& sample, SimState& state,
   assert(state.inside && isUnit(normal_W) && isUnit(u_W));
   assert(state.membranes_met <= model.membrane_count);
   const double x_before_m = tick.x_m;
-  const Vec3 u_before_W = state.u_W;
-  const bool turns = !(u_W == u_before_W);
+  const bool turns = !(u_W == state.u_W);
   ++state.line_changes;
   state.p_entry_W_m = p_entry_W_m;
   if (turns || !model.is_plane) {
@@ -48,8 +49,15 @@ void moveLine(const SceneModel& model, const TipSample& sample, SimState& state,
   if (state.ticks_inside == 0) state.wall_m = state.friction_wall_m = std::min(0.0, tick.x_m);
   state.x_shift_m += shift_m;
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) state.membrane_place_m[i] += shift_m;
-  if (turns && model.isLive(Effect::kOrientationLimit))
-    followTurn(model, state, unitAxis(sample), u_before_W);
+}
+
+// `from` turned toward `to`, by at most an angle
+Vec3 turnedToward(Vec3 from, Vec3 to, double max_rad) {
+  const Vec3 aside = to - from * dot(from, to);
+  if (!(normSquared(aside) > 1e-18)) return from;
+  const double size = norm(aside);
+  if (detAtan2(size, dot(from, to)) <= max_rad) return to;
+  return normalized(from * detCos(max_rad) + aside * (detSin(max_rad) / size));
 }
 
 // ---- where a line is in the limb shrunk by a depth ----
@@ -198,8 +206,6 @@ void blendStiffness(const SceneModel& model, LayersAlong& along) {
   }
   along.stiffness[along.stiffness_count++] = span;
   along.stiffness_here = along.stiffness[0];
-  const double half = lateralStiffness(along, 0.5 * model.needle_length_m).k_N_per_m;
-  along.hold_m = half > 0.0 ? model.fixture.max_force_N / half : kNoEnd;
 }
 
 // the spans of a line that enters at a place
@@ -238,7 +244,6 @@ void copyLayers(const LayersAlong& from, LayersAlong& to) {
   to.stiffness_count = from.stiffness_count;
   to.stiffness_here = from.stiffness_here;
   to.deepest_m = from.deepest_m;
-  to.hold_m = from.hold_m;
 }
 
 }  // namespace
@@ -326,14 +331,12 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
   const double height_m = tick.x_m < state.along.deepest_m && state.in_limb ? tick.depth_m : below_m;
   Vec3 u = state.u_W;
   if (height_m <= kFollow_m) {
-    const Vec3 to = entryDirection(unitAxis(sample), state.normal_W);
-    const Vec3 aside = to - u * dot(u, to);
-    if (normSquared(aside) > 1e-18) {
-      const double size = norm(aside);
-      const double angle = std::min(detAtan2(size, dot(u, to)), model.max_turn_rad);
-      u = normalized(u * detCos(angle) + aside * (detSin(angle) / size));
+    u = turnedToward(u, entryDirection(unitAxis(sample), state.normal_W), model.max_turn_rad);
+    if (!(u == state.u0_W)) {
+      const Vec3 u0_before_W = state.u0_W;
+      state.u0_W = turnedToward(state.u0_W, u, model.max_turn_rad);
+      if (model.isLive(Effect::kOrientationLimit)) followTurn(model, state, unitAxis(sample), u0_before_W);
     }
-    state.u0_W = u;
   }
   const double slack_m = kHole_m + kSlack * std::max(0.0, height_m - kFollow_m);
   const Vec3 off = tick.arm_W_m -
@@ -369,16 +372,16 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
 bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state) noexcept {
   Tick tick;
   project(state, sample.p_WT_m, tick);
-  const double k_N_per_m = lateralStiffness(state.along, tick.insertion_m).k_N_per_m;
-  const double keep_N = turningForce(model, state.along, k_N_per_m, tick.insertion_m);
-  if (!(k_N_per_m * tick.lateral_m > keep_N && tick.x_m > 0.0)) return false;
-  assert(k_N_per_m > 0.0 && tick.lateral_m > 0.0 && tick.insertion_m > 0.0);
+  if (isWithinTurn(model, tick) || !(tick.x_m > 0.0)) return false;
+  assert(tick.lateral_m > 0.0 && tick.insertion_m > 0.0);
   const Vec3 side = tick.lateral_W_m / tick.lateral_m;
-  const double radius_m = tick.insertion_m;
-  const double kept_m = keep_N / k_N_per_m;
-  double angle =
-      std::min(detAsin(std::min(1.0, tick.lateral_m / radius_m)) - detAsin(std::min(1.0, kept_m / radius_m)),
-               model.max_turn_rad);
+  const double aside = dot(state.aim_W, side);
+  if (!(aside > 0.0)) return false;
+  // a tip that rests on bone moves with u: it is felt `held_m` before the place that u turns to
+  const double share = tick.x_m / (tick.x_m + state.bone.held_m);
+  const double beyond_rad =
+      detAtan2(tick.lateral_m, tick.x_m) - detAtan2(turnTangent(model, tick.insertion_m), 1.0);
+  double angle = std::min({beyond_rad * share, detAtan2(aside, dot(state.aim_W, state.u_W)), model.max_turn_rad});
   // the cone of the paper's Fig. 4: ∠(u, u0) ≤ max(α(d_t), ∠(u, u0) before)
   const double before_rad = angleBetween(state.u_W, state.u0_W);
   const double limit_rad =
@@ -394,18 +397,19 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
     }
     angle = allowed;
   }
-  if (!(angle > 0.0)) return false;
+  if (!(angle > kLeastTurn_rad)) return false;
   const Vec3 u = turnedBy(angle);
   assert(!(angleBetween(u, state.u0_W) > limit_rad));
-  if (radius_m > model.turn_begins_m) {
+  if (tick.insertion_m > model.lay_again_m) {
     moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);
     return true;
   }
-  // where u follows the hand, the layers turn, too; the fixture's energy may only fall
+  // near the skin the layers turn, too; the fixture's energy may only fall
   LayersAlong turned;
   const Vec3 lateral = tick.arm_W_m - u * dot(u, tick.arm_W_m);
   layLayers(model, state.p_entry_W_m, u, slantOf(state.normal_W, u), turned);
-  if (fixtureEnergy(model, lateralStiffness(turned, radius_m).k_N_per_m, norm(lateral)) >
+  const double k_N_per_m = lateralStiffness(state.along, tick.insertion_m).k_N_per_m;
+  if (fixtureEnergy(model, lateralStiffness(turned, tick.insertion_m).k_N_per_m, norm(lateral)) >
       fixtureEnergy(model, k_N_per_m, tick.lateral_m))
     return false;
   moveLine(model, sample, state, state.p_entry_W_m, state.normal_W, u, tick);

@@ -21,26 +21,30 @@ inline constexpr double kSlack = 5;
 /// The fixture's k is averaged over this distance to both sides, because its push uses k′, which would jump
 /// at a boundary.
 inline constexpr double kBlend_m = 4e-3;
-/// Up to this d_t (or a quarter of the needle's length, if less) u follows the hand.
-inline constexpr double kFreeTurn_m = 5e-3;
-/// Below this force u is not turned.
-inline constexpr double kTurnsFrom_N = 1e-3;
+/// Up to this d_t (or a quarter of the needle's length, if less) a turn lays the layers along u again.
+inline constexpr double kLayAgain_m = 5e-3;
+/// u turns no farther than the needle's axis was pointing this time ago: noise in the measured axis would turn
+/// it bit by bit.
+inline constexpr double kAimTime_s = 0.05;
 
-/// The force up to which the fixture holds u: 1 mN where u follows the hand, the fixture's maximum from half
-/// the needle's length on, and never for a deviation above `hold_m`.
-[[gnu::always_inline]] inline double turningForce(const SceneModel& model, const LayersAlong& along,
-                                                  double k_N_per_m, double insertion_m) {
-  const double rising_N = model.turn_slope_N_per_m * (insertion_m - model.turn_begins_m);
-  const double held_N = std::min(rising_N, k_N_per_m * along.hold_m);
-  return std::min(std::max(kTurnsFrom_N, held_N), model.fixture.max_force_N);
+/// tan β at the skin, far above rounding.
+inline constexpr double kLeastTurnTangent = 1e-4;
+
+/// tan β: the tip is held up to the angle β from u, and a tip further aside turns u. (d_t/L)² is tan²(45° − α)
+/// of the paper's cone α: what the cone takes from the freedom to re-aim, squared. At most 45°.
+[[gnu::always_inline]] inline double turnTangent(const SceneModel& model, double insertion_m) {
+  return std::min(1.0, kLeastTurnTangent + insertion_m * insertion_m * model.inverse_needle_squared_per_m2);
 }
 
-/// A quick test that the fixture's force reaches neither `turningForce` nor its maximum.
-[[gnu::always_inline]] inline bool certainlyHolds(const SceneModel& model, const LayersAlong& along,
-                                                  const Tick& tick, double force_N) {
-  const double rising_N = model.turn_slope_N_per_m * (tick.insertion_m - model.turn_begins_m);
-  return force_N <= std::max(kTurnsFrom_N, rising_N) && tick.lateral_m <= along.hold_m &&
-         force_N <= model.fixture.max_force_N;
+/// Moves the aim toward this tick's axis: a first-order lag.
+[[gnu::always_inline]] inline void followAxis(const SceneModel& model, const TipSample& sample,
+                                              SimState& state) {
+  state.aim_W = state.aim_W + (unitAxis(sample) - state.aim_W) * model.aim_share;
+}
+
+/// Whether the tip is within β of u.
+[[gnu::always_inline]] inline bool isWithinTurn(const SceneModel& model, const Tick& tick) {
+  return tick.lateral_m <= tick.x_m * turnTangent(model, tick.insertion_m);
 }
 
 /// Returns u for a needle that enters with this axis: the axis, mirrored at the skin if it points out, and at
@@ -85,8 +89,8 @@ enum class Follow { kStays, kNearSkin, kDeeper };  ///< the line's move; kDeeper
 /// line stays.
 Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tick, SimState& state) noexcept;
 
-/// Change of trajectory: where the fixture's force exceeds `turningForce`, turns u about P0 toward the tip
-/// until it does not. Returns whether it turned; if so, project again.
+/// Change of trajectory: where the tip is further than β from u, turns u about P0 toward it, at most to the
+/// needle's axis. Returns whether it turned; if so, project again.
 bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& state) noexcept;
 
 }  // namespace needlelab

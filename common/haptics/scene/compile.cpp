@@ -91,12 +91,13 @@ void compileLayers(const SceneSpec& spec, SceneModel& model) {
 
 void compileTurn(SceneModel& model) {
   model.fixture_push = model.fixture.mode == ClampingMode::kConservative ? 0.5 : 0.0;
-  model.turn_begins_m = std::min(kFreeTurn_m, 0.25 * model.needle_length_m);
-  model.turn_slope_N_per_m = model.fixture.max_force_N / (0.5 * model.needle_length_m - model.turn_begins_m);
+  model.lay_again_m = std::min(kLayAgain_m, 0.25 * model.needle_length_m);
+  model.inverse_needle_squared_per_m2 = 1.0 / (model.needle_length_m * model.needle_length_m);
 }
 
 // the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a needle held at the largest deviation at
-// which u does not turn. s = e/d and c are the sine and cosine of the angle between p − P0 and u
+// which u does not turn and U is not linear yet. s = e/d and c are the sine and cosine of the angle between
+// p − P0 and u
 FixtureSteepness steepnessOf(const SceneModel& model) {
   if (!model.isLive(Effect::kClamping)) return {};
   FixtureSteepness steepest{model.fixture.max_stiffness_N_per_m, 0.0};
@@ -107,7 +108,8 @@ FixtureSteepness steepnessOf(const SceneModel& model) {
   for (double d_m = kScan_m; d_m < model.needle_length_m; d_m += kScan_m) {
     const auto [k, slope] = lateralStiffness(layers, d_m);
     if (!(k > 0.0)) continue;
-    const double e_m = std::min(turningForce(model, layers, k, d_m) / k, d_m);
+    const double tangent = turnTangent(model, d_m);
+    const double e_m = std::min(model.fixture.max_force_N / k, d_m * tangent / std::hypot(1.0, tangent));
     const double s = e_m / d_m, c = std::sqrt(1.0 - s * s);
     const double bent = layers.stiffness_here.half_bend_N_per_m3 * e_m * e_m;  // ½ k″e²
     const double round = 0.5 * slope * e_m * s;                                // ½ k′e²/d
@@ -213,6 +215,7 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   if (model.wall.stop_mode == StopMode::kExponential)
     model.relax_share = 1.0 - detExp(-model.period_s / model.wall.relax_time_s);
   model.max_turn_rad = 2.0 * model.period_s;
+  model.aim_share = 1.0 - detExp(-model.period_s / kAimTime_s);
   compileTurn(model);
   compileLayers(spec, model);
   model.fixture_steepness = steepnessOf(model);

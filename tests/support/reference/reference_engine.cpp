@@ -225,7 +225,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
 
     const double v = speed(in, g.x);
     const double x_c = meetMembranes(in, g, depth, entry, out);
-    in.stop.step(g.x, x_c - in.wall, v);
+    in.stop.step(g.x, x_c - in.wall, v, p, in.u);
     const double wall_unstepped = in.wall;
     axial(in, depth, x_c, out);
     // "Memory of the cut": "Where neither CUTTING nor ATTRACTED is live no wall is dragged"
@@ -278,6 +278,7 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   in.u = entryDirection(axis, in.normal);
   in.layers = layersAlong(in.p_entry, in.normal, in.u);
   in.u0 = in.u;
+  in.aim = axis;
   in.x_past = {0.0};  // "with x = 0 at tick k_entry − 1"
   in.tilt_limit =
       std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
@@ -303,9 +304,9 @@ Vec3 ReferenceEngine::entryDirection(Vec3 axis, Vec3 normal) const {
 }
 
 // "all lengths along u move as in a turn, so that no force along u jumps"
-void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p,
-                               Vec3 axis) const {
-  const double theta_before = angleBetween(axis, in.u), x_old = g.x;
+void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u,
+                               Vec3 p) const {
+  const double x_old = g.x;
   in.p_entry = p_entry;
   in.normal = normal;
   in.u = u;
@@ -318,8 +319,6 @@ void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 no
   for (auto& membrane : in.membranes) membrane.place_m += moved;
   for (double& x : in.x_past) x += moved;
   in.stop.move(moved);
-  in.tilt_limit +=
-      std::max(0.0, angleBetween(axis, in.u) - theta_before);  // "A turn of u that increases θ …"
 }
 
 // "Near the skin"; true where P0 moved deeper than 0.6 mm
@@ -329,11 +328,16 @@ bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double 
   const double H = !plane && (in.through || g.x >= in.layers.deepest()) ? h : depth;
   Vec3 u = in.u;
   if (H <= 0.6e-3) {
-    const Vec3 to = entryDirection(axis, in.normal);
-    const Vec3 side = to - u * dot(u, to);
-    const double angle = std::min(angleBetween(u, to), 2.0 * period_s_);
-    if (norm(side) > 1e-9) u = normalized(u * std::cos(angle) + normalized(side) * std::sin(angle));
-    in.u0 = u;
+    const auto toward = [&](Vec3 from, Vec3 to) {
+      const Vec3 side = to - from * dot(from, to);
+      const double angle = std::min(angleBetween(from, to), 2.0 * period_s_);
+      return norm(side) > 1e-9 ? turned(from, side, angle) : from;
+    };
+    u = toward(u, entryDirection(axis, in.normal));
+    // "u0 turns toward u", and "a turn of u0 that increases θ increases θ_l by the same amount"
+    const double theta_before = angleBetween(axis, in.u0);
+    in.u0 = toward(in.u0, u);
+    in.tilt_limit += std::max(0.0, angleBetween(axis, in.u0) - theta_before);
   }
   const Vec3 o = (p - in.p_entry) - u * (h / slantOf(in.normal, u));
   const double S = 0.05e-3 + 5 * std::max(0.0, H - 0.6e-3);
@@ -354,27 +358,26 @@ bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double 
   }
   if (!moves && u == in.u) return false;
   if (H <= 0.6e-3 && !(plane && u == in.u)) in.layers = layersAlong(p_entry, normal, u);
-  moveLine(in, g, p_entry, normal, u, p, axis);
+  moveLine(in, g, p_entry, normal, u, p);
   return H > 0.6e-3;
 }
 
 // "Change of trajectory"; true when u turned
 bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis) {
   if (!live(Effect::kClamping)) return false;  // "Only where CLAMPING is live"
-  const double f_max = scene_.virtual_fixture.max_force_N, e = norm(g.e), L = scene_.needle_length_m;
-  const double free = std::min(0.005, L / 4);
-  // "no more than k times f_max/k(L/2)"
-  const double half = lateralStiffness(in.layers, L / 2);
-  const double held = half > 0 ? g.k * f_max / half : f_max;
-  double f_turn = std::min(std::max(1e-3, std::min(f_max * (g.d_t - free) / (L / 2 - free), held)), f_max);
-  if (planted_ == Defect::kTurnsOnlyDeep) f_turn = f_max;  // planted
-  if (planted_ == Defect::kTurnsFreely) f_turn = 1e-3;     // planted
-  if (std::abs(g.k * e - f_turn) < undecidedBelow(in)) undecided_ |= kFlagTurn;
-  if (!(g.k * e > f_turn && g.x > 0)) return false;
-
-  // the least of: the angle after which k|e| = f_turn; 2 rad/s·T; the cone's
-  double angle = std::asin(std::min(1.0, e / g.d_t)) - std::asin(std::min(1.0, f_turn / (g.k * g.d_t)));
-  angle = std::min(angle, 2.0 * period_s_);
+  const double L = scene_.needle_length_m, e = norm(g.e);
+  double beta = std::atan(std::min(1.0, 1e-4 + std::pow(g.d_t / L, 2)));
+  if (planted_ == Defect::kTurnsOnlyDeep) beta = kPi / 4;  // planted
+  if (planted_ == Defect::kTurnsFreely) beta = 0;          // planted
+  const double beyond = std::atan2(e, g.x) - beta;
+  if (std::abs(beyond) * g.d_t * g.k < undecidedBelow(in)) undecided_ |= kFlagTurn;
+  // "m … moves toward the axis by 1 − e^(−T/50 ms) of what is left"
+  in.aim = in.aim + (axis - in.aim) * (1 - std::exp(-period_s_ / 0.05));
+  if (!(beyond > 0 && g.x > 0)) return false;
+  const Vec3 m = planted_ == Defect::kTurnsPastAxis ? in.u + g.e / e : in.aim;  // planted
+  if (!(dot(m, g.e) > 0)) return false;  // "m·y > 0"
+  // the least of: the angle after which the tip is at β; the one to m; 2 rad/s·T; the cone's
+  double angle = std::min({beyond, std::atan2(dot(m, g.e / e), dot(m, in.u)), 2.0 * period_s_});
   const double limit = std::max(cone(g.d_t), angleBetween(in.u, in.u0));
   const auto allowed = [&](double a) { return angleBetween(turned(in.u, g.e, a), in.u0) <= limit; };
   if (!allowed(angle)) {
@@ -388,15 +391,16 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis) {
     if (angle < 1e-6)
       undecided_ |= kFlagTurn;  // almost no room left; along the cone rounding counts by its root
   }
-  if (!(angle > 0)) return false;
+  if (std::abs(angle) < 2e-9) undecided_ |= kFlagTurn;
+  if (!(angle > 1e-9)) return false;
   const Vec3 u = turned(in.u, g.e, angle);
-  if (g.d_t <= free) {
+  if (g.d_t <= std::min(0.005, L / 4)) {
     const ReferenceLayers layers = layersAlong(in.p_entry, in.normal, u);
     const Vec3 arm = p - in.p_entry;
     if (energy(lateralStiffness(layers, g.d_t), norm(arm - u * dot(u, arm))) > energy(g.k, e)) return false;
     in.layers = layers;
   }
-  moveLine(in, g, in.p_entry, in.normal, u, p, axis);
+  moveLine(in, g, in.p_entry, in.normal, u, p);
   return true;
 }
 
@@ -539,6 +543,8 @@ void ReferenceEngine::friction(Insertion& in, const Geometry& g, double x_c, Ste
     in.x_c_past = x_c;
     return;
   }
+  if (planted_ != Defect::kFrictionPushes)  // planted
+    in.friction_wall += in.stop.frictionMove(x_c - in.friction_wall);
   in.friction_wall = std::min(std::max(in.friction_wall, x_c - reach), x_c + reach);
   out.friction_N = -stiffness * (x_c - in.friction_wall);
 }
@@ -589,14 +595,14 @@ double ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, b
   return out.cutting_N + out.puncture_N - before;
 }
 
-// §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u
+// §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u0
 void ReferenceEngine::tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) {
-  const double theta = angleBetween(axis, in.u);
+  const double theta = angleBetween(axis, in.u0);
   in.tilt_limit = std::max(cone(g.d_t), std::min(in.tilt_limit, theta));
   if (planted_ == Defect::kAlphaWithoutState) in.tilt_limit = cone(g.d_t);  // planted
   if (std::abs(theta - in.tilt_limit) < undecidedBelow(in)) undecided_ |= kFlagTorque;
   if (!live(Effect::kOrientationLimit) || !(theta > in.tilt_limit)) return;
-  const Vec3 about = cross(axis, in.u);
+  const Vec3 about = cross(axis, in.u0);
   if (norm(about) < 1e-9) return;
   const OrientationLimitSpec& spec = scene_.orientation_limit;
   const double torque = std::min(spec.stiffness_Nm_per_rad * (theta - in.tilt_limit), spec.max_torque_Nm);

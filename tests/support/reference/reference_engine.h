@@ -58,6 +58,7 @@ class ReferenceEngine {
     Vec3 p_entry;            ///< P0
     Vec3 normal;             ///< n
     Vec3 u, u0;              ///< trajectory direction now and at entry
+    Vec3 aim;                ///< m, the axis with a lag
     ReferenceLayers layers;  ///< along u
     bool through = false;
     int layer = -1;
@@ -101,7 +102,7 @@ class ReferenceEngine {
   [[nodiscard]] double springOf(const Insertion& in) const;
   static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
-  void moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p, Vec3 axis) const;
+  void moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p) const;
   bool followNearSkin(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
   bool turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis);
   Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out);

@@ -53,7 +53,7 @@ double ReferenceModel::statisticalTarget(double depth_m) const {
 ModelForce ReferenceModel::wall(const ModelTick& tick, double cut_m, double attracted_m) {
   const double stiffness = scene_.tracking_wall.stiffness_N_per_m;
   const double rejection_m = scene_.layers[layerAt(tick.depth_m)].rejection_force_N / stiffness;
-  stop_->step(tick.x_m, tick.x_m - wall_, tick.speed_mps);
+  stop_->step(tick.x_m, tick.x_m - wall_, tick.speed_mps, tick.p_W_m, tick.u_W);
   wall_ += stop_->wallMove(tick.x_m - wall_, rejection_m);
   wall_ = std::min(std::max(wall_, tick.x_m - cut_m),
                    tick.x_m + std::min(attracted_m, std::max(0.0, tick.depth_m) / tick.slant));

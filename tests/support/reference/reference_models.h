@@ -21,6 +21,7 @@ struct ModelTick {
   double insertion_m = 0;                   ///< d_t
   const ReferenceLayers* layers = nullptr;  ///< along u
   double speed_mps = 0;                     ///< v
+  Vec3 p_W_m, u_W;                          ///< the tip, and u
 };
 
 /// Along u, signed.

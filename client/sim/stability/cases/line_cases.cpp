@@ -73,10 +73,10 @@ double acrossOf(const StepReport& report) {
   return report.clamping_stiffness_N_per_m * report.lateral_error_m;
 }
 
-// "Change of trajectory": the straight line from 0 at d_free to f_max at half the needle length.
-double turningForce_N(const SceneSpec& scene, double length_m) {
-  const double free_m = std::min(0.005, scene.needle_length_m / 4), half_m = scene.needle_length_m / 2;
-  return scene.virtual_fixture.max_force_N * std::min(1.0, (length_m - free_m) / (half_m - free_m));
+// β of "Change of trajectory": how far about the hole u holds a needle
+double turnAngle(const SceneSpec& scene, double length_m) {
+  const double share = length_m / scene.needle_length_m;
+  return std::atan(std::min(1.0, 1e-4 + share * share));
 }
 
 // Held aside for 10 s with encoder steps or tremor. U = ½ λ |p| e²: eq. 8 across, and ½ λ e² against p.
@@ -111,8 +111,8 @@ Status heldFixture(Trial& c) {
 }
 
 // Moves across its own axis to the target. Down to 0.6 mm the tip is ahead of P0, by that depth times tan +
-// 1/tan of the slant: no other length may be missing. u turns by at most 45°, so k|e| is at least λ d² sin of
-// the remaining angle.
+// 1/tan of the slant: no other length may be missing. u turns by at most 45°, and not within β, so k|e| is at
+// least λ d² sin of the remaining angle.
 Status crosswise(Trial& c) {
   const double slant = radOf(c.number("slant_deg", 10, 80)), off = radOf(c.number("off_deg", 0, 5));
   const double way_m = length(c, "depth_m") / std::cos(slant), tilt = kPi / 2 - slant + off;
@@ -122,8 +122,8 @@ Status crosswise(Trial& c) {
   ASSIGN_OR_RETURN(const auto run, move(c, way.to(axisAt(-slant) * way_m, tilt).rest(0.5)));
   const StepReport& last = run.ticks.back().report;
   const double min_m = way_m - led_m;
-  const double eq8_N = lambdaOf(c.scene) * min_m * min_m * std::sin(kPi / 4 - std::asin(led_m / way_m));
-  const double min_N = std::min(eq8_N, turningForce_N(c.scene, min_m));
+  const double held = std::min(turnAngle(c.scene, min_m), kPi / 4 - std::asin(led_m / way_m));
+  const double min_N = lambdaOf(c.scene) * min_m * min_m * std::sin(held);
   c.judge("inserted length that is missing [m]", std::abs(last.insertion_m - way_m), led_m,
           fmt::format("{:.3g} N at the target, {:.3g} N at least", acrossOf(last), min_N));
   c.require(acrossOf(last) >= min_N, "eq. 8");
@@ -173,9 +173,9 @@ Status roundLimbLength(Trial& c) {
   return {};
 }
 
-// k|e| in the last tick before u turns, for a needle at this depth that swings about its hole; infinite if u
-// never turns.
-Result<double> turnsAt_N(Trial& c, double length_m) {
+// The angle to u in the last tick before it turns, for a needle at this depth that swings about its hole;
+// infinite if u never turns.
+Result<double> turnsAt(Trial& c, double length_m) {
   constexpr double kStep_rad = 2e-4, kMax_rad = 1.2;
   auto samples = straight(c, length_m).samples();
   const std::size_t swings = samples.size();
@@ -183,16 +183,17 @@ Result<double> turnsAt_N(Trial& c, double length_m) {
     samples.push_back({axisAt(angle) * length_m, slanting(angle)});
   ASSIGN_OR_RETURN(const auto run, c.move(samples));
   for (std::size_t k = swings; k < run.ticks.size(); ++k)
-    if ((run.ticks[k].report.flags & kFlagTurn) != 0) return acrossOf(run.ticks[k - 1].report);
+    if ((run.ticks[k].report.flags & kFlagTurn) != 0)
+      return std::asin(run.ticks[k - 1].report.lateral_error_m / length_m);
   return HUGE_VAL;
 }
 
 // Near the skin the trajectory follows the hand: about the hole, and after a withdrawal about the tip.
-// Deeper, it is held with the force from the page, which rises with the length.
+// Deeper, it is held up to the angle from the page, which rises with the length.
 Status reAim(Trial& c) {
   const double length_m = length(c, "length_m"), deeper_m = length(c, "deeper_m"),
                aim = radOf(c.number("aim_deg", 1, 45)), turn_s = c.number("turn_s", 0.1, 10),
-               off_N = c.number("turning_off_n", 0);
+               off = radOf(c.number("turning_off_deg", 0));
   std::vector<std::pair<Way, std::size_t>> ways;
   const auto goOn = [&](const Way& before, Vec3 turns_at, Vec3 ends_at) {
     Way way = before;
@@ -207,14 +208,15 @@ Status reAim(Trial& c) {
     for (std::size_t k = from; k < run.ticks.size(); ++k)
       max_N = std::max(max_N, run.ticks[k].report.clamping_N);
   }
-  double worst_N = 0, last_N = 0;
+  double worst = 0, last = 0;
   for (const double one_m : c.numbers("lengths_m")) {
-    ASSIGN_OR_RETURN(last_N, turnsAt_N(c, one_m));
-    worst_N = std::max(worst_N, std::abs(last_N - turningForce_N(c.scene, one_m)));
+    ASSIGN_OR_RETURN(last, turnsAt(c, one_m));
+    worst = std::max(worst, std::abs(last - turnAngle(c.scene, one_m)));
   }
   judge(c, "clamping that a re-aim near the skin meets [N]", max_N,
-        fmt::format("u turns within {:.2g} N of the page's force, deepest at {:.3g} N", worst_N, last_N));
-  c.require(worst_N <= off_N, "the page's force");
+        fmt::format("u turns within {:.2g}° of the page's angle, deepest at {:.3g}°", worst * 180 / kPi,
+                    last * 180 / kPi));
+  c.require(worst <= off, "the page's angle");
   return {};
 }
 

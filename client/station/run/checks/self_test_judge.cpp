@@ -171,7 +171,7 @@ void judgeLimits(const DeviceFacts& f, std::vector<Check>& checks) {
   }
   if (!i.has_orientation)
     checks.push_back({"orientation", Verdict::kWarning, "the device does not report how its handle is turned",
-                      "", "the needle goes along the skin's inward normal at entry; nothing to do"});
+                      "", "the needle enters along the skin's inward normal and points where its tip goes; nothing to do"});
   if (f.hardware && i.has_orientation)
     checks.push_back(f.tool_given
                          ? Check{"tool", Verdict::kOk, "given with --tool", "", ""}

@@ -129,10 +129,9 @@ std::optional<std::string> stabilityWarning(const SceneModel& model, const Devic
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes) {
   if (!device.has_orientation)
     notes.push_back(
-        "The device does not measure how it is turned: the needle is taken to stand on the skin, its axis "
-        "the "
-        "inward normal at the point of entry, kept for the insertion. Angles of the needle in the recording "
-        "and in its measures are those of that axis.");
+        "The device does not measure how it is turned: the needle enters along the inward normal at the "
+        "point of entry, and from 2 mm on its axis is the line from there to the tip. Angles of the needle "
+        "in the recording and in its measures are those of that axis.");
   for (const EffectEntry* entry : effectEntries()) {
     const bool turns = entry->on_device.turning_Nm_per_rad != nullptr;
     if (!turns || (scene.effects & bitOf(entry->effect)) == 0) continue;

@@ -375,6 +375,7 @@ TEST(CutMemory, aTurnDuringWithdrawalShiftsTheCutsEnd) {
   probe.go(700, 0.015);
   const double length_m = probe.state().cuts.tracks[0].length_m, shift_m = probe.state().x_shift_m;
   ASSERT_GT(length_m, probe.state().wall_m + 0.005);
+  probe.tilt(0.7);
   probe.go(500, 0.015, 0.012);
   const double moved_m = probe.state().x_shift_m - shift_m;
   ASSERT_GT(std::abs(moved_m), 1e-4) << "u has turned";

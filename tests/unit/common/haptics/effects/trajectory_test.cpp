@@ -105,6 +105,7 @@ TEST(Trajectory, atFiveMillimetresAChangeOfTwentyDegreesFollowsTheHand) {
   Hand hand(softTissue(), site, site.inward);
   hand.to(site.p_surface_m + site.inward * 0.0045);
   const Vec3 aim = tilted(site.inward, std::tan(20 * kDegree), site.across_1);
+  hand.aim(aim, 0.3);
   hand.to(site.p_surface_m + aim * 0.0049, 0.005);
   EXPECT_LE(degreesBetween(hand.state().u_W, aim), 0.5);
   EXPECT_LE(hand.greatest_N(), 0.3);
@@ -112,24 +113,22 @@ TEST(Trajectory, atFiveMillimetresAChangeOfTwentyDegreesFollowsTheHand) {
   EXPECT_LE(hand.greatest_N(), 0.3) << "and it continues along the new line";
 }
 
-TEST(Trajectory, fromHalfTheNeedlesLengthNothingTurnsBelowTheGreatestForce) {
+// the angle about the hole from which u turns is β, at every depth: tan β = 1e-4 + (d/L)²
+TEST(Trajectory, theFreedomToReAimFallsWithDepth) {
   const SceneSpec scene = softTissue();
   const Site site = defaultSite();
-  double before_N = 0;
-  for (double depth : {0.006, 0.01, 0.015, 0.02, 0.03, 0.0449, 0.05, 0.07}) {
-    Hand hand(scene, site, site.inward);
-    hand.to(site.p_surface_m + site.inward * depth);
-    double held_N = 0;
-    for (int i = 1; i < 4000 && (hand.last().flags & kFlagTurn) == 0; ++i) {
-      hand.to(site.p_surface_m + site.inward * depth + site.across_1 * (1e-5 * i));
-      if ((hand.last().flags & kFlagTurn) == 0)
-        held_N = hand.last().clamping_stiffness_N_per_m * hand.last().lateral_error_m;
+  for (const double depth_m : {0.002, 0.006, 0.01, 0.015, 0.02, 0.03, 0.0449, 0.05, 0.07}) {
+    const double beta = std::atan(1e-4 + std::pow(depth_m / scene.needle_length_m, 2)) / kDegree;
+    for (const double degrees : {0.98 * beta, beta + 0.2}) {
+      Hand hand(scene, site, site.inward);
+      hand.to(site.p_surface_m + site.inward * depth_m);
+      const Vec3 u_before = hand.state().u_W;
+      const Vec3 aim = tilted(site.inward, std::tan(degrees * kDegree), site.across_1);
+      hand.aim(aim, 0.3);
+      hand.to(site.p_surface_m + aim * depth_m);
+      hand.to(hand.place() + aim * 1e-9, 1e-9);
+      EXPECT_EQ(hand.state().u_W == u_before, degrees < beta) << depth_m << " m, " << degrees;
     }
-    EXPECT_GE(held_N, before_N - 0.01) << "the deeper, the firmer: at " << depth;
-    if (depth > 0.045) {
-      EXPECT_NEAR(held_N, scene.virtual_fixture.max_force_N, 0.01);
-    }
-    before_N = held_N;
   }
 }
 

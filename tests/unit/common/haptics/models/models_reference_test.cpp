@@ -51,6 +51,8 @@ Worst compare(const SceneSpec& scene, double rate_hz, const Motion& motion) {
                 state.slant};
     tick.layers = &layers;
     tick.speed_mps = r.speed_mps;
+    tick.p_W_m = sample.p_WT_m;
+    tick.u_W = state.u_W;
     u_before = state.u_W;
     entry_before = state.p_entry_W_m;
     const ModelForce expected = reference.step(tick);
