@@ -147,8 +147,10 @@ struct SimState {
   bool outside_once = false;  ///< the tip has been outside: an entry is possible only then
   bool inside = false;        ///< an insertion is under way; everything below belongs to it
   bool in_limb = false;       ///< … and the tip is in the limb: not through it
+  bool past_middle = false;   ///< … and it was past the line's deepest place, and is not back on P0's side
   Phase phase = Phase::kFree;
   Vec3 p_entry_W_m;                ///< P0
+  Vec3 p_hole_W_m;                 ///< where the skin was pierced
   Vec3 normal_W;                   ///< n at P0, out of the tissue
   Vec3 u_W;                        ///< the trajectory's direction, a unit vector
   Vec3 u0_W;                       ///< u at entry; near the skin it follows u

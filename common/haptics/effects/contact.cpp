@@ -19,7 +19,8 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   const Vec3 axis = unitAxis(sample);
   const Vec3 motion = sample.p_WT_m - state.p_prev_W_m;
   state.inside = true;
-  state.p_entry_W_m = entryPoint(state, sample.p_WT_m, depth_m);
+  state.past_middle = false;
+  state.p_entry_W_m = state.p_hole_W_m = entryPoint(state, sample.p_WT_m, depth_m);
   state.normal_W = surfaceNormal(model.limb, state.p_entry_W_m, motion);
   state.u_W = state.u0_W = entryDirection(axis, state.normal_W);
   state.aim_W = axis;
@@ -46,6 +47,8 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   state.stop_least_m = 0.0;
   state.wall_rest = state.friction_rest = {};
   state.membranes_met = state.membranes_ruptured = 0;
+  state.cuts.own = kMaxCutTracks;
+  state.cuts.opened = 0;
   ++state.insertions;
   state.table_row = 0;
   state.score.cell = -1;
@@ -59,12 +62,15 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   return std::fabs(dot(axis, state.normal_W)) < kCos80Degrees ? kFlagEntry | kFlagFlatEntry : kFlagEntry;
 }
 
-// true if the tip left a round limb beyond the line's deepest place: the needle is through. The insertion
-// lasts until the tip is back in the limb, or on P0's side of the tangent plane to the skin there
+// true if the tip left a round limb on its far side: the needle is through. The insertion lasts until the tip
+// is back in the limb, or on P0's side of the tangent plane to the skin there
 bool isThrough(const SimState& state, const TipSample& sample, double depth_m, bool was_in_limb) {
   const Vec3 arm = sample.p_WT_m - state.p_entry_W_m;
-  return state.inside && !(depth_m > 0.0) && dot(state.normal_W, arm) < 0.0 &&
-         (!was_in_limb || dot(state.u_W, arm) >= state.along.deepest_m);
+  const double below_m = -dot(state.normal_W, arm);
+  if (!state.inside || depth_m > 0.0 || !(below_m > 0.0)) return false;
+  if (!was_in_limb) return true;
+  const bool far = state.past_middle || dot(state.u_W, arm) >= state.along.deepest_m;
+  return far && below_m - depth_m > kSameSide_m;
 }
 
 }  // namespace

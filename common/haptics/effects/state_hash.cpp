@@ -13,7 +13,7 @@ std::uint64_t hashOf(const SimState& state) {
   hash.add(state.p_prev_W_m);
   hash.add(state.depth_prev_m);
   hash.add(std::uint64_t{state.has_prev} | std::uint64_t{state.outside_once} << 1 |
-           std::uint64_t{state.inside} << 2);
+           std::uint64_t{state.inside} << 2 | std::uint64_t{state.inside && state.past_middle} << 3);
   hash.add(state.insertions);
   for (const EffectEntry* entry : effectEntries())
     if (entry->hashLasting != nullptr) entry->hashLasting(state, hash);
@@ -24,7 +24,8 @@ std::uint64_t hashOf(const SimState& state) {
   assert(state.membranes_met <= kMaxLayers && state.tops_met <= kMaxLayers);
   assert(state.needle.stations <= kMaxNeedleStations && state.cuts.count <= kMaxCutTracks);
   hash.add(static_cast<std::uint64_t>(state.phase));
-  for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W, state.aim_W}) hash.add(v);
+  for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W, state.aim_W, state.p_hole_W_m})
+    hash.add(v);
   hash.add(state.slant);
   hash.add(std::uint64_t{state.layer});
   hash.add(state.ticks_inside);

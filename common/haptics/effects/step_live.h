@@ -119,6 +119,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
 
   // trajectory and clamping
   project(state, sample.p_WT_m, tick);
+  followMiddle(model, tick, state);
   // P0's distance from the line, along the skin, is at most e/c
   if (!(tick.lateral_m * state.inverse_slant <= kSlack * (tick.depth_m - kFollow_m))) [[unlikely]] {
     const Follow follow = followNearSkin(model, sample, tick, state);

@@ -1,6 +1,7 @@
 #include "common/haptics/effects/trajectory.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -8,6 +9,7 @@
 
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/orientation_limit.h"
+#include "common/haptics/effects/puncture.h"
 #include "common/haptics/surface.h"
 
 namespace needlelab {
@@ -246,6 +248,40 @@ void copyLayers(const LayersAlong& from, LayersAlong& to) {
   to.deepest_m = from.deepest_m;
 }
 
+// how far the tip is beyond the top of a membrane's layer, along u
+double beyondTop(const SceneModel& model, const SimState& state, const Tick& tick, std::size_t membrane) {
+  return (tick.depth_m - model.membranes[membrane].top_m) * state.inverse_slant;
+}
+
+// P0 has moved to another hole: the membranes are whole there, and not stretched yet. The track of the old
+// hole stays there
+void pierceAgain(const SceneModel& model, const Tick& tick, SimState& state) {
+  for (std::uint32_t left = state.membranes_ruptured; left != 0; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(left));
+    state.membrane_place_m[i] = tick.x_m - std::min(0.0, beyondTop(model, state, tick, i));
+  }
+  state.membranes_ruptured = state.cuts.opened = 0;
+  if (state.cuts.own < kMaxCutTracks) state.cuts.tracks[state.cuts.own].p_entry_W_m = state.p_hole_W_m;
+  state.cuts.own = kMaxCutTracks;
+  state.p_hole_W_m = state.p_entry_W_m;
+}
+
+// a membrane stays at the top of its layer when P0 moves along the skin; that only shortens its stretch. The
+// walls that it holds back follow
+void keepAtLayers(const SceneModel& model, const Tick& tick, SimState& state) {
+  const double x_cut_before_m = cuttingPosition(state, tick.x_m);
+  for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(left));
+    const double beyond_m = beyondTop(model, state, tick, i);
+    const double z_m = tick.x_m - state.membrane_place_m[i];
+    const double kept_m = std::clamp(z_m, std::min(0.0, beyond_m), std::max(0.0, beyond_m));
+    state.membrane_place_m[i] += z_m - kept_m;
+  }
+  const double follow_m = cuttingPosition(state, tick.x_m) - x_cut_before_m;
+  state.wall_m += follow_m;
+  state.friction_wall_m += follow_m;
+}
+
 }  // namespace
 
 Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept {
@@ -328,7 +364,7 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
   assert(state.inside);
   // on the way out, use the skin on P0's side, otherwise the tangent plane at P0
   const double below_m = heightOf(model, state, tick);
-  const double height_m = tick.x_m < state.along.deepest_m && state.in_limb ? tick.depth_m : below_m;
+  const double height_m = state.in_limb && !state.past_middle ? tick.depth_m : below_m;
   Vec3 u = state.u_W;
   if (height_m <= kFollow_m) {
     u = turnedToward(u, entryDirection(unitAxis(sample), state.normal_W), model.max_turn_rad);
@@ -366,6 +402,11 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
   const bool same_layers = deep || (model.is_plane && u == state.u_W);
   moveLine(model, sample, state, p_entry, normal, u, tick);
   if (!same_layers) layLayers(model, state.p_entry_W_m, state.u_W, state.slant, state.along);
+  if (far && model.isLive(Effect::kPuncture)) {
+    if (!deep && normSquared(state.p_entry_W_m - state.p_hole_W_m) > kHoleWidth_m * kHoleWidth_m)
+      pierceAgain(model, tick, state);
+    keepAtLayers(model, tick, state);
+  }
   return deep ? Follow::kDeeper : Follow::kNearSkin;
 }
 

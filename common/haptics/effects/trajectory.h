@@ -17,10 +17,15 @@ inline constexpr double kFollow_m = 0.6e-3;
 /// How far P0 may be from the line through the tip: half a needle's radius.
 inline constexpr double kHole_m = 0.05e-3;
 /// Deeper than kFollow_m, P0 may be this many times further from the line than the tip is below kFollow_m.
-inline constexpr double kSlack = 5;
+inline constexpr double kSlack = 3;
 /// The fixture's k is averaged over this distance to both sides, because its push uses k′, which would jump
 /// at a boundary.
 inline constexpr double kBlend_m = 4e-3;
+/// Where δ and h differ by no more, the tip is on P0's side of a round limb.
+inline constexpr double kSameSide_m = 0.05e-3;
+/// A hole this far from where the skin was pierced is another one.
+inline constexpr double kHoleWidth_m = 1e-3;
+
 /// Up to this d_t (or a quarter of the needle's length, if less) a turn lays the layers along u again.
 inline constexpr double kLayAgain_m = 5e-3;
 /// u turns no farther than the needle's axis was pointing this time ago: noise in the measured axis would turn
@@ -82,6 +87,13 @@ void findStiffness(LayersAlong& along, double insertion_m) noexcept;
 
 /// The energy of the fixture: ½ k e², linear in e beyond the maximum force.
 double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m) noexcept;
+
+/// A needle past the middle of a round limb has P0's skin behind it, until it is back on P0's side.
+[[gnu::always_inline]] inline void followMiddle(const SceneModel& model, const Tick& tick, SimState& state) {
+  if (!(tick.x_m >= state.along.deepest_m) && !state.past_middle) [[likely]]
+    return;
+  state.past_middle = !model.is_plane && heightOf(model, state, tick) - tick.depth_m > kSameSide_m;
+}
 
 enum class Follow { kStays, kNearSkin, kDeeper };  ///< the line's move; kDeeper: below kFollow_m
 

@@ -95,9 +95,9 @@ void compileTurn(SceneModel& model) {
   model.inverse_needle_squared_per_m2 = 1.0 / (model.needle_length_m * model.needle_length_m);
 }
 
-// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a needle held at the largest deviation at
-// which u does not turn and U is not linear yet. s = e/d and c are the sine and cosine of the angle between
-// p − P0 and u
+// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a needle that is moved aside with a straight
+// axis, so that u does not turn, as far as U is not linear. s = e/d and c are the sine and cosine of the angle
+// between p − P0 and u
 FixtureSteepness steepnessOf(const SceneModel& model) {
   if (!model.isLive(Effect::kClamping)) return {};
   FixtureSteepness steepest{model.fixture.max_stiffness_N_per_m, 0.0};
@@ -108,8 +108,7 @@ FixtureSteepness steepnessOf(const SceneModel& model) {
   for (double d_m = kScan_m; d_m < model.needle_length_m; d_m += kScan_m) {
     const auto [k, slope] = lateralStiffness(layers, d_m);
     if (!(k > 0.0)) continue;
-    const double tangent = turnTangent(model, d_m);
-    const double e_m = std::min(model.fixture.max_force_N / k, d_m * tangent / std::hypot(1.0, tangent));
+    const double e_m = std::min(model.fixture.max_force_N / k, d_m);
     const double s = e_m / d_m, c = std::sqrt(1.0 - s * s);
     const double bent = layers.stiffness_here.half_bend_N_per_m3 * e_m * e_m;  // ½ k″e²
     const double round = 0.5 * slope * e_m * s;                                // ½ k′e²/d

@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/touch/proxy_contact.h"
@@ -117,7 +118,10 @@ TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& st
   if (!bone.touching) return felt;
   const double tip_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
   const double proxy_m = dot(state.u_W, bone.p_proxy_W_m - state.p_entry_W_m);
-  const double felt_m = std::max({proxy_m, state.wall_m, state.friction_wall_m});
+  double felt_m = std::max(proxy_m, state.wall_m);
+  // models with a membrane on every top drag friction's wall themselves
+  if (model.isLive(Effect::kShaftFriction) || axialEntry(model.axial_model).topOf != nullptr)
+    felt_m = std::max(felt_m, state.friction_wall_m);
   bone.held_m = std::clamp(tip_m - felt_m, 0.0, kMaxHeld * depth_m);
   assert(!(bone.held_m > depth_m) && "the felt tip stays in the tissue");
   felt.p_WT_m = sample.p_WT_m - state.u_W * bone.held_m;

@@ -181,8 +181,9 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   bool through = false;
   if (insertion_ && depth <= 0 && !std::holds_alternative<PlaneLimb>(scene_.limb)) {
     const Vec3 arm = p - insertion_->p_entry;
-    through = dot(insertion_->normal, arm) < 0 &&
-              (insertion_->through || dot(insertion_->u, arm) >= insertion_->layers.deepest());
+    const double h = -dot(insertion_->normal, arm);
+    const bool far = insertion_->past_middle || dot(insertion_->u, arm) >= insertion_->layers.deepest();
+    through = h > 0 && (insertion_->through || (far && h - depth > 0.05e-3));
   }
   if (planted_ == Defect::kExitAnywhere) through = false;  // planted
   if (depth <= 0 && !through) {
@@ -215,6 +216,11 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     if (through ? !in.through : !entry && layer != in.layer) out.flags |= kFlagLayerChange;
     in.layer = layer;
     in.through = through;
+
+    // "past the middle"
+    if (g.x >= in.layers.deepest()) in.past_middle = true;
+    if (std::holds_alternative<PlaneLimb>(scene_.limb) || -dot(in.normal, p - in.p_entry) - depth <= 0.05e-3)
+      in.past_middle = false;
 
     // trajectory and clamping (§3.3)
     in.turned_by = 0;
@@ -279,6 +285,7 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   in.layers = layersAlong(in.p_entry, in.normal, in.u);
   in.u0 = in.u;
   in.aim = axis;
+  in.hole = in.p_entry;
   in.x_past = {0.0};  // "with x = 0 at tick k_entry − 1"
   in.tilt_limit =
       std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
@@ -325,7 +332,7 @@ void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 no
 bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis) {
   const bool plane = std::holds_alternative<PlaneLimb>(scene_.limb);
   const double h = plane ? depth : -dot(in.normal, p - in.p_entry);
-  const double H = !plane && (in.through || g.x >= in.layers.deepest()) ? h : depth;
+  const double H = in.through || in.past_middle ? h : depth;
   Vec3 u = in.u;
   if (H <= 0.6e-3) {
     const auto toward = [&](Vec3 from, Vec3 to) {
@@ -340,7 +347,7 @@ bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double 
     in.tilt_limit += std::max(0.0, angleBetween(axis, in.u0) - theta_before);
   }
   const Vec3 o = (p - in.p_entry) - u * (h / slantOf(in.normal, u));
-  const double S = 0.05e-3 + 5 * std::max(0.0, H - 0.6e-3);
+  const double S = 0.05e-3 + 3 * std::max(0.0, H - 0.6e-3);
   if (std::abs(norm(o) - S) < 1e-9 || std::abs(H - 0.6e-3) < 1e-9) undecided_ |= kFlagTurn;
   Vec3 p_entry = in.p_entry, normal = in.normal;
   bool moves = norm(o) > S;
@@ -359,7 +366,39 @@ bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double 
   if (!moves && u == in.u) return false;
   if (H <= 0.6e-3 && !(plane && u == in.u)) in.layers = layersAlong(p_entry, normal, u);
   moveLine(in, g, p_entry, normal, u, p);
+  if (moves && live(Effect::kPuncture)) followMembranes(in, g, depth, H <= 0.6e-3);
   return H > 0.6e-3;
+}
+
+// "Puncture": what a move of P0 does to membranes
+void ReferenceEngine::followMembranes(Insertion& in, const Geometry& g, double depth, bool near_skin) {
+  const auto cutPosition = [&] {
+    double x_c = g.x;
+    for (const auto& membrane : in.membranes)
+      if (membrane.met && !membrane.ruptured) x_c = std::min(x_c, membrane.place_m);
+    return x_c;
+  };
+  const auto beyond = [&](std::size_t i) { return (depth - topOf(i)) / slantOf(in.normal, in.u); };
+  const bool new_hole = near_skin && norm(in.p_entry - in.hole) > 1e-3;
+  if (new_hole) {
+    for (std::size_t i = 0; i < in.membranes.size(); ++i) {
+      if (!in.membranes[i].ruptured) continue;
+      in.membranes[i].ruptured = false;
+      in.membranes[i].place_m = g.x - std::min(0.0, beyond(i));
+    }
+    cuts_.leaveTrack(in.hole);
+    in.hole = in.p_entry;
+  }
+  const double x_c_before = cutPosition();
+  for (std::size_t i = 0; i < in.membranes.size(); ++i) {
+    Membrane& membrane = in.membranes[i];
+    if (!membrane.met || membrane.ruptured || planted_ == Defect::kMembranesSlide) continue;  // planted
+    const double z = g.x - membrane.place_m;
+    // "its z is brought between 0 and how far the tip is beyond the top"
+    membrane.place_m = g.x - std::min(std::max(z, std::min(0.0, beyond(i))), std::max(0.0, beyond(i)));
+  }
+  in.wall += cutPosition() - x_c_before;
+  in.friction_wall += cutPosition() - x_c_before;
 }
 
 // "Change of trajectory"; true when u turned

@@ -60,7 +60,8 @@ class ReferenceEngine {
     Vec3 u, u0;              ///< trajectory direction now and at entry
     Vec3 aim;                ///< m, the axis with a lag
     ReferenceLayers layers;  ///< along u
-    bool through = false;
+    bool through = false, past_middle = false;
+    Vec3 hole;  ///< where the skin was pierced
     int layer = -1;
     std::vector<double> x_past;  ///< x at ticks k_entry − 1 (zero), k_entry, …; moved by each turn
     double depth_past = 0;       ///< δ at the previous tick; 0 at P0 for the entry tick
@@ -103,6 +104,7 @@ class ReferenceEngine {
   static double undecidedBelow(const Insertion& in);
   void enter(Vec3 p, double depth, Vec3 axis);
   void moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p) const;
+  void followMembranes(Insertion& in, const Geometry& g, double depth, bool near_skin);
   bool followNearSkin(Insertion& in, Geometry& g, Vec3 p, double depth, Vec3 axis);
   bool turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis);
   Vec3 clamp(Insertion& in, const Geometry& g, StepReport& out);

@@ -119,7 +119,8 @@ class BoneComparison {
     const BoneContact before = state.bone;
     const bool inside = state.inside;
     std::optional<BoneTissue> tissue;
-    if (inside) tissue = BoneTissue{false, state.p_entry_W_m, state.u_W, state.wall_m, state.friction_wall_m};
+    const double rubs_m = engine_.model().isLive(Effect::kShaftFriction) ? state.friction_wall_m : -HUGE_VAL;
+    if (inside) tissue = BoneTissue{false, state.p_entry_W_m, state.u_W, state.wall_m, rubs_m};
     ReferenceBone::Stand stand;
     if (inside) stand = reference_.step(sample.p_WT_m, tissue);
     if (stand.held_m > 0) *felt_ = state;
