@@ -31,6 +31,7 @@ void addScoreCommand(CLI::App& app, SimCommand& chosen);
 void addSkillCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 void addEffectsCommand(CLI::App& app, SimCommand& chosen);
+void addStiffnessCommand(CLI::App& app, SimCommand& chosen);
 
 /// Prints `needlelab-sim COMMAND: MESSAGE` on stderr and returns the exit code.
 int failed(const char* command, const Error& error);

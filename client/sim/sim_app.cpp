@@ -30,6 +30,7 @@ int runSim(int argc, const char* const* argv) {
     addAnatomyCommand(app, chosen);
     addStabilityCommand(app, chosen);
     addEffectsCommand(app, chosen);
+    addStiffnessCommand(app, chosen);
     const std::string version = std::string("needlelab-sim ") + NEEDLELAB_VERSION;
     app.set_version_flag("--version", version);
     for (CLI::App* command : app.get_subcommands({})) command->set_version_flag("--version", version);

@@ -66,7 +66,9 @@ struct AxialEntry {
   bool has_tracking_wall = false;  ///< the tracking wall renders it: it has a stop, and its wall cuts
   bool follows_layers = false;     ///< … with the layers' cutting forces; a layer may have a K_t of its own
   bool places_wall = false;        ///< each tick computes `wall_m` from the layers' tops
-  bool feels_speed = false;        ///< a faster insertion has another force
+  /// Its force follows x, not x_c: it acts together with an intact membrane.
+  bool passes_membranes = false;
+  bool feels_speed = false;  ///< a faster insertion has another force
   /// Why it does not work in a body, after "…: "; empty: it does.
   std::string_view needs_shells = {};
 

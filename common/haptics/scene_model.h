@@ -61,6 +61,17 @@ struct FixtureSteepness {
 };
 FixtureSteepness fixtureSteepness(const SceneSpec& spec);
 
+/// Stiffnesses along the trajectory, of live effects (FORCE_MODEL.md, "Stiffnesses").
+struct AlongStiffness {
+  double tissue_N_per_m = 0;    ///< K_t, or the axial model's, and K_f
+  double membrane_N_per_m = 0;  ///< the steepest, and the axial model's if that does not rest behind one
+  double fixture_N_per_m = 0;
+  double hub_N_per_m = 0;    ///< with the tissue's, once it is on the skin
+  double alone_N_per_m = 0;  ///< bone, or the cap
+  /// The greatest that can act at once.
+  [[nodiscard]] double atOnce() const;
+};
+
 /// Only `compile` makes one; const afterwards. Copying is cheap enough outside the haptic thread. Thread: any
 /// may read.
 class SceneModel {
@@ -137,11 +148,13 @@ class SceneModel {
   std::shared_ptr<const SceneSpec> body_spec;
 
   [[nodiscard]] bool isLive(Effect effect) const { return (live & bitOf(effect)) != 0; }
-  /// Maximum stiffness that can act at once along the trajectory: K_t (or the axial model's) + K_f + steepest
-  /// membrane, of live effects. A device refuses a scene above the stiffness that it can render
-  /// (FORCE_MODEL.md, "Sum and cap").
+  /// The greatest stiffness that can act at once along the trajectory: that of `alongStiffness`. A device
+  /// refuses a scene above the stiffness that it can render.
   [[nodiscard]] double axialStiffness_N_per_m() const;
 };
+
+/// What makes up `axialStiffness_N_per_m`.
+AlongStiffness alongStiffness(const SceneModel& model);
 
 /// The step function of a scene with live stages: `placed_step`, then the stages, then the cap.
 void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& state,

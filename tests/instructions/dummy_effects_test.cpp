@@ -61,8 +61,8 @@ TEST(DummyEffects, areRowsLikeTheOthers) {
   const auto whole = compile(sceneWith(kAllEffects), kRateHz);
   ASSERT_TRUE(whole.ok()) << whole.error().message;
   EXPECT_EQ(whole->live, kAllEffects);
-  EXPECT_EQ(whole->axialStiffness_N_per_m(),
-            compile(sceneWith(kPlacedEffects), kRateHz)->axialStiffness_N_per_m() + 10 + 20 + 30 + 40);
+  EXPECT_EQ(alongStiffness(*whole).tissue_N_per_m,
+            alongStiffness(*compile(sceneWith(kPlacedEffects), kRateHz)).tissue_N_per_m + 10 + 20 + 30 + 40);
   EXPECT_FALSE(compile(sceneWith(kAllEffects + 1), kRateHz).ok())
       << "there is no effect behind the last dummy";
   SceneSpec beyond = sceneWith(kAllEffects);

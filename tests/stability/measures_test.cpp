@@ -70,6 +70,12 @@ TEST(UnexplainedStep, isWhatTheSpringsDoNotExplain) {
   EXPECT_NEAR(unexplainedStep_N(run.ticks[1].seen.p_WT_m, run.ticks[1].report, run.ticks[2].seen.p_WT_m,
                                 run.ticks[2].report, 500, 0.8),
               0.0375, 1e-12);
+  // the hole follows by more than the way: 2 · 400 N/m · 0.15 mm; not where the insertion begins or ends
+  run.ticks[1].report.insertion_m = 0.02;
+  run.ticks[2].report.insertion_m = 0.01985;
+  EXPECT_NEAR(maxUnexplainedStep_N(run), 0.03, 1e-12);
+  run.ticks[2].report.flags = kFlagExit;
+  EXPECT_NEAR(maxUnexplainedStep_N(run), 0.07, 1e-12);
 }
 
 TEST(UnexplainedStep, aDeclaredReleaseExplainsAFallAndNoRise) {

@@ -91,7 +91,7 @@ struct ModelCost {
 /// Times a tick in the station's own loop (ServoLoop with the simulated device and hand, at 1 kHz and normal
 /// priority), in three rounds of `seconds` in turns: p50 to p99.9 of its histogram of tool, gate and engine,
 /// each the median of the rounds. Margin: `b/(T(½ + delay))/K`, with the device's own damping and the model's
-/// stiffness along the needle (FORCE_MODEL.md, "Sum and cap"). Thread: starts one. Errors: those of
+/// stiffness along the needle (FORCE_MODEL.md, "Stiffnesses"). Thread: starts one. Errors: those of
 /// `compile`; kFailed if the loop ended early.
 Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress);
 

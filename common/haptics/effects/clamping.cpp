@@ -53,6 +53,7 @@ constinit const EffectEntry kClampingEntry = {
                              [](const LayerSpec& layer) { return layer.lateral_stiffness_N_per_m2 > 0; });
         },
     .stiffness_N_per_m = [](const SceneModel& model) { return model.fixture_steepness.along_N_per_m; },
+    .acts_with = ActsWith::kBoth,
     .on_device = {.words = "fixture",
                   .across_N_per_m =
                       [](const SceneSpec& spec) { return fixtureSteepness(spec).across_N_per_m; },

@@ -54,6 +54,16 @@ struct OnDevice {
   std::string_view without = {}, was_without = {};
 };
 
+/// What of the tissue an effect's stiffness along the needle acts together with. An intact membrane holds x_c
+/// (FORCE_MODEL.md, "Puncture"), so it and the springs K_t and K_f do not stretch at once.
+enum class ActsWith : std::uint8_t {
+  kTissue,      ///< with K_t and K_f, and whatever else acts with them
+  kHeldTissue,  ///< with tissue whose springs keep their lengths: a membrane
+  kBoth,        ///< with the tissue's springs or with a membrane
+  kCutTissue,   ///< with the tissue's springs, once membranes and fixture are behind the tip
+  kNothing      ///< instead of the others, which do not stretch on bone or under the cap
+};
+
 /// An effect; CONTRIBUTING.md explains how to add one. A new effect is a stage, and `stage` is all that a
 /// tick executes of it; step_live.h has the places of the older ones.
 struct EffectEntry {
@@ -81,8 +91,9 @@ struct EffectEntry {
   void (*check)(const SceneSpec&, SpecChecker&) = nullptr;
   /// Whether any of its numbers is not zero; null: the axial model decides (CUTTING and ATTRACTED).
   bool (*hasNumbers)(const SceneSpec&) = nullptr;
-  /// The greatest stiffness that the effect adds along the trajectory; null: none.
+  /// The effect's own greatest stiffness along the trajectory, and what that acts together with; null: none.
   double (*stiffness_N_per_m)(const SceneModel&) = nullptr;
+  ActsWith acts_with = ActsWith::kTissue;
   /// How much its force may change with the tip's place besides that, in a scene that lists it; null:
   /// nothing.
   double (*slope_N_per_m)(const SceneSpec&) = nullptr;

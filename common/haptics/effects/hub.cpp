@@ -21,15 +21,6 @@ double& stiffnessOf(SceneSpec& spec) {
 constexpr std::array<EffectField, 1> kHubFields = {
     {{"stiffness_n_per_m", "Stiffness of the skin under the hub", kStiffness, 300, stiffnessOf}}};
 
-// when the hub is on the skin, the membranes are behind the tip and the fixture's push no longer grows, so
-// only the excess of the hub's stiffness is added
-double addedStiffness(const SceneModel& model) {
-  double before_N_per_m = 0;
-  for (const Effect effect : {Effect::kPuncture, Effect::kClamping})
-    if (model.isLive(effect)) before_N_per_m += effectEntry(effect).stiffness_N_per_m(model);
-  return std::max(0.0, hubStiffness_N_per_m(model) - before_N_per_m);
-}
-
 }  // namespace
 
 double hubStiffness_N_per_m(const SceneModel& model) {
@@ -61,6 +52,8 @@ constinit const EffectEntry kHubEntry = {
         [](const SceneSpec& spec) {
           return spec.stage_numbers[stageOf(Effect::kHub)][kHubStiffness_N_per_m] > 0;
         },
-    .stiffness_N_per_m = addedStiffness};
+    .stiffness_N_per_m = hubStiffness_N_per_m,
+    // when the hub is on the skin, the membranes are behind the tip and the fixture's push no longer grows
+    .acts_with = ActsWith::kCutTissue};
 
 }  // namespace needlelab

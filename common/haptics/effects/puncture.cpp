@@ -43,6 +43,7 @@ constinit const EffectEntry kPunctureEntry = {
           return std::any_of(spec.layers.begin(), spec.layers.end(),
                              [](const LayerSpec& layer) { return layer.membrane.has_value(); });
         },
-    .stiffness_N_per_m = steepestMembrane};
+    .stiffness_N_per_m = steepestMembrane,
+    .acts_with = ActsWith::kHeldTissue};
 
 }  // namespace needlelab

@@ -41,6 +41,7 @@ constinit const AxialEntry kDirectEntry = {
     .short_name = "direct",
     .steps = &kDirectSteps,
     .renders = Direct::kRenders,
+    .passes_membranes = true,
     .section = {.name = "direct", .fields = kDirectFields},
     .effectsWithNumbers =
         [](const SceneSpec& spec) {

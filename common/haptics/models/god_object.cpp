@@ -74,6 +74,7 @@ constinit const AxialEntry kGodObjectEntry = {
     .steps = &kGodObjectSteps,
     .renders = GodObject::kRenders,
     .places_wall = true,
+    .passes_membranes = true,
     .section = {.name = "god_object", .fields = kGodObjectFields},
     // the wall's stiffness
     .derive = [](const SceneSpec& scene, SceneSpec& other) { deriveStiffness(scene, other.god_object); },

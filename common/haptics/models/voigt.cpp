@@ -74,6 +74,7 @@ constinit const AxialEntry kVoigtEntry = {
     .short_name = "Voigt",
     .steps = &kVoigtSteps,
     .renders = Voigt::kRenders,
+    .passes_membranes = true,
     .feels_speed = true,
     .section = {.name = "voigt", .fields = kVoigtFields},
     .check =

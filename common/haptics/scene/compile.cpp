@@ -246,12 +246,43 @@ FixtureSteepness fixtureSteepness(const SceneSpec& spec) {
   return steepnessOf(model);
 }
 
+double AlongStiffness::atOnce() const {
+  return std::max({std::max(tissue_N_per_m, membrane_N_per_m) + fixture_N_per_m, hub_N_per_m, alone_N_per_m});
+}
+
+AlongStiffness alongStiffness(const SceneModel& model) {
+  const bool cuts = model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted);
+  const double axial_N_per_m = cuts ? model.axial_stiffness_N_per_m : 0.0;
+  AlongStiffness along{.tissue_N_per_m = axial_N_per_m};
+  for (const EffectEntry* entry : effectEntries()) {
+    if (entry->stiffness_N_per_m == nullptr || !model.isLive(entry->effect)) continue;
+    const double own_N_per_m = entry->stiffness_N_per_m(model);
+    switch (entry->acts_with) {
+      case ActsWith::kTissue:
+        along.tissue_N_per_m += own_N_per_m;
+        break;
+      case ActsWith::kHeldTissue:
+        along.membrane_N_per_m += own_N_per_m;
+        break;
+      case ActsWith::kBoth:
+        along.fixture_N_per_m += own_N_per_m;
+        break;
+      case ActsWith::kCutTissue:
+        along.hub_N_per_m += own_N_per_m;
+        break;
+      case ActsWith::kNothing:
+        along.alone_N_per_m = std::max(along.alone_N_per_m, own_N_per_m);
+        break;
+    }
+  }
+  if (along.membrane_N_per_m > 0 && axialEntry(model.axial_model).passes_membranes)
+    along.membrane_N_per_m += axial_N_per_m;
+  if (along.hub_N_per_m > 0) along.hub_N_per_m += along.tissue_N_per_m;
+  return along;
+}
+
 double SceneModel::axialStiffness_N_per_m() const {
-  double sum = 0;
-  if (isLive(Effect::kCutting) || isLive(Effect::kAttracted)) sum += axial_stiffness_N_per_m;
-  for (const EffectEntry* entry : effectEntries())
-    if (entry->stiffness_N_per_m != nullptr && isLive(entry->effect)) sum += entry->stiffness_N_per_m(*this);
-  return sum;
+  return alongStiffness(*this).atOnce();
 }
 
 }  // namespace needlelab

@@ -112,18 +112,6 @@ void hashBone(const SimState& state, StateHash& hash) {
   for (const double d : {bone.held_m, bone.cutting_N, bone.friction_N, bone.place_m}) hash.add(d);
 }
 
-// the tissue's springs and the bone's do not act together: only the excess of the bone's stiffness is added
-double stifferThanTissue(const SceneModel& model) {
-  double tissue_N_per_m = 0;
-  if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))
-    tissue_N_per_m += model.axial_stiffness_N_per_m;
-  for (const EffectEntry* entry : effectEntries())
-    if (entry->effect != Effect::kBone && entry->effect != Effect::kPalpation &&
-        entry->stiffness_N_per_m != nullptr && model.isLive(entry->effect))
-      tissue_N_per_m += entry->stiffness_N_per_m(model);
-  return std::max(0.0, model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] - tissue_N_per_m);
-}
-
 }  // namespace
 
 extern const EffectEntry kBoneEntry;
@@ -151,7 +139,9 @@ constinit const EffectEntry kBoneEntry = {
         [](const SceneSpec& spec) {
           return spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] > 0 && hasBone(spec);
         },
-    .stiffness_N_per_m = stifferThanTissue,
+    .stiffness_N_per_m =
+        [](const SceneModel& model) { return model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m]; },
+    .acts_with = ActsWith::kNothing,
     // a proxy that slips along the bone also moves the tissue's springs, which act beside the bone's
     .slope_N_per_m =
         [](const SceneSpec& spec) {

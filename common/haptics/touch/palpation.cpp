@@ -59,17 +59,6 @@ double stiffnessOf(const StageNumbers& numbers) {
 }
 
 // capped, the needle's other effects do not act: only what exceeds them is added
-double addedAlong(const SceneModel& model) {
-  double others_N_per_m = 0;
-  if (model.isLive(Effect::kCutting) || model.isLive(Effect::kAttracted))
-    others_N_per_m += model.axial_stiffness_N_per_m;
-  for (const EffectEntry* entry : effectEntries())
-    if (entry->effect != Effect::kPalpation && entry->stiffness_N_per_m != nullptr &&
-        model.isLive(entry->effect))
-      others_N_per_m += entry->stiffness_N_per_m(model);
-  return std::max(0.0, stiffnessOf(numbersOf(model)) - others_N_per_m);
-}
-
 double addedAcross(const SceneSpec& spec) {
   double others_N_per_m = 0;
   for (const EffectEntry* entry : effectEntries())
@@ -273,7 +262,8 @@ constinit const EffectEntry kPalpationEntry = {
     .fields = kPalpationFields,
     .hasNumbers =
         [](const SceneSpec& spec) { return spec.stage_numbers[kPalpationOwn][kPalpationSkin_N_per_m] > 0; },
-    .stiffness_N_per_m = addedAlong,
+    .stiffness_N_per_m = [](const SceneModel& model) { return stiffnessOf(numbersOf(model)); },
+    .acts_with = ActsWith::kNothing,
     .on_device = {.words = "palpation",
                   .across_N_per_m = addedAcross,
                   .lower =

@@ -31,7 +31,7 @@ struct PassivityRecord {
 /// Thread: one at a time.
 class PassivityObserver {
  public:
-  /// `axial_stiffness_N_per_m`: K_t + K_f + the steepest membrane; each tick's clamping stiffness is added.
+  /// `axial_stiffness_N_per_m`: that of SceneModel; each tick's clamping stiffness is added.
   explicit PassivityObserver(double axial_stiffness_N_per_m) : axial_N_per_m_(axial_stiffness_N_per_m) {}
 
   /// `slant`: c of this tick; see FORCE_MODEL.md, "Contact".

@@ -136,10 +136,15 @@ double maxForce_N(const PlantRun& run) {
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant) {
   const int times = (report.flags & kFlagTurn) != 0 ? 3 : 2;
-  const double stiffness = axial_stiffness_N_per_m + times * std::max(before.clamping_stiffness_N_per_m,
-                                                                      report.clamping_stiffness_N_per_m);
+  const double fixture_N_per_m =
+      times * std::max(before.clamping_stiffness_N_per_m, report.clamping_stiffness_N_per_m);
+  const double way_m = norm(p_m - p_before_m) / slant;
+  // where the hole follows a needle that lies under the skin, the fixture gets shorter than by that way
+  const bool both_inside = (report.flags & (kFlagEntry | kFlagExit)) == 0;
+  const double length_m = both_inside ? std::fabs(report.insertion_m - before.insertion_m) : 0.0;
   const double step_N = norm(report.wrench_W.force_N - before.wrench_W.force_N);
-  return std::max(0.0, step_N - stiffness * norm(p_m - p_before_m) / slant - declaredFall_N(before, report));
+  return std::max(0.0, step_N - axial_stiffness_N_per_m * way_m -
+                           fixture_N_per_m * std::max(way_m, length_m) - declaredFall_N(before, report));
 }
 
 double maxUnexplainedStep_N(const PlantRun& run) {

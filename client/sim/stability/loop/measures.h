@@ -49,7 +49,7 @@ inline constexpr std::uint32_t kDeclaredReleases = kFlagExit | kFlagLayerChange 
 /// The unexplained part of the force step between two consecutive ticks: |Δf| − ΣK·|Δp|/slant, at a declared
 /// release also minus the fall of cutting, attracted, friction, puncture and clamping, each down to zero at
 /// most; at least 0. ΣK = `axial_stiffness` + twice the larger clamping stiffness, to cover k′e in addition
-/// to k; `slant` = c.
+/// to k; that acts over the change of the insertion, where that is more than |Δp|/slant. `slant` = c.
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant = 1);
 /// The maximum over a run (straight insertions, slant 1).

@@ -100,9 +100,9 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
   return Error{
       ErrorCode::kInvalidInput,
       fmt::format(
-          "the scene is too stiff for the {}: wall, friction and the steepest membrane "
-          "together along the needle, or the bone, or the cap, is {:.4g} N/m, the device renders at most {:.4g} N/m; "
-          "use a softer profile",
+          "the scene is too stiff for the {}: what acts at once along the needle (wall and friction or a "
+          "membrane, with the fixture; or the hub, bone or cap) is {:.4g} N/m, the device renders at most {:.4g} "
+          "N/m; use a softer profile",
           device.name, axial, most)};
 }
 

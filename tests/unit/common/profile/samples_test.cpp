@@ -200,7 +200,7 @@ TEST(Samples, theWristsBoneHoldsTheNeedle) {
   }
 }
 
-TEST(Samples, stiffnessesAddUpToWhatTheDesktopCanRender) {
+TEST(Samples, whatActsAtOnceIsWithinWhatTheDesktopCanRender) {
   for (const std::string& id : all()) {
     const auto model = compile(*sceneSpecOf(sample(id)), 1000);
     ASSERT_TRUE(model.ok()) << model.error().message;

@@ -188,17 +188,45 @@ TEST(Effects, theSumIsCappedKeepingItsDirection) {
   EXPECT_GT(caps, 100);
 }
 
-TEST(Effects, stiffnessesAlongTheTrajectoryAddUp) {
-  const SceneModel model = compiled(allEffects(), 1000);
-  // the steepest membrane: slope k1 + 2 k2 z where k1 z + k2 z² = force
-  const auto slope = [](double k1, double k2, double force) {
-    const double z = k2 == 0 ? force / k1 : (-k1 + std::sqrt(k1 * k1 + 4 * k2 * force)) / (2 * k2);
-    return k1 + 2 * k2 * z;
+// slope k1 + 2 k2 z where k1 z + k2 z² = force
+double slopeAtRupture(double k1, double k2, double force) {
+  const double z = k2 == 0 ? force / k1 : (-k1 + std::sqrt(k1 * k1 + 4 * k2 * force)) / (2 * k2);
+  return k1 + 2 * k2 * z;
+}
+
+TEST(Effects, tissueAndTheSteepestMembraneDoNotActAtOnce) {
+  SceneSpec scene = allEffects();
+  const auto atOnce = [&](EffectMask effects) {
+    return compiled(withEffects(scene, effects), 1000).axialStiffness_N_per_m();
   };
-  const double steepest = std::max({slope(200, 20'000, 0.6), slope(100, 60'000, 0.8), slope(300, 0, 0.5)});
-  EXPECT_NEAR(model.axialStiffness_N_per_m(), 500 + 140 + steepest, 1e-9);
-  EXPECT_NEAR(compiled(withEffects(allEffects(), kC), 1000).axialStiffness_N_per_m(), 500, 1e-12);
-  EXPECT_NEAR(compiled(withEffects(allEffects(), kF), 1000).axialStiffness_N_per_m(), 140, 1e-12);
+  EXPECT_NEAR(atOnce(kC), 500, 1e-12);
+  EXPECT_NEAR(atOnce(kF), 140, 1e-12);
+  EXPECT_NEAR(atOnce(kC | kF), 500 + 140, 1e-12);
+  const double steepest = std::max(
+      {slopeAtRupture(200, 20'000, 0.6), slopeAtRupture(100, 60'000, 0.8), slopeAtRupture(300, 0, 0.5)});
+  EXPECT_NEAR(atOnce(kP), steepest, 1e-9);
+  EXPECT_NEAR(atOnce(kPlacedEffects), 640, 1e-9) << "the tissue is stiffer";
+  scene.layers[1].membrane = MembraneSpec{300, 1e6, 0.8};
+  EXPECT_NEAR(atOnce(kPlacedEffects), slopeAtRupture(300, 1e6, 0.8), 1e-9) << "that membrane is stiffer";
+}
+
+TEST(Effects, theFixtureActsWithTissueAndMembraneTheHubWithTissueOnly) {
+  SceneSpec scene = withClamping(fullScene(), ClampingMode::kConservative);
+  const double fixture = compiled(scene, 1000).fixture_steepness.along_N_per_m;
+  ASSERT_GT(fixture, 10);
+  const auto alongOf = [&](EffectMask effects) {
+    return alongStiffness(compiled(withEffects(scene, effects), 1000));
+  };
+  constexpr EffectMask kHub = bitOf(Effect::kHub), kBone = bitOf(Effect::kBone),
+                       kCap = bitOf(Effect::kPalpation);
+  EXPECT_NEAR(alongOf(kPlacedEffects).atOnce(), 640 + fixture, 1e-9);
+  EXPECT_NEAR(alongOf(kP | kV).atOnce(), slopeAtRupture(100, 60'000, 0.8) + fixture, 1e-9);
+  EXPECT_NEAR(alongOf(kP | kHub).atOnce(), slopeAtRupture(100, 60'000, 0.8), 1e-9) << "the hub's is 300";
+  EXPECT_NEAR(alongOf(kPlacedEffects | kHub).hub_N_per_m, 640 + 300, 1e-9);
+  EXPECT_NEAR(alongOf(kPlacedEffects | kHub).atOnce(), 640 + std::max(300.0, fixture), 1e-9);
+  EXPECT_NEAR(alongOf(kC | kF | kBone).atOnce(), 640, 1e-9) << "the bone's 600 act alone";
+  EXPECT_NEAR(alongOf(kC | kBone).atOnce(), 600, 1e-9);
+  EXPECT_NEAR(alongOf(kPlacedEffects | kBone | kCap).alone_N_per_m, 900, 1e-9) << "under the cap 300 + 600";
 }
 
 TEST(EffectEntries, haveDistinctNamesTermsAndPlaces) {

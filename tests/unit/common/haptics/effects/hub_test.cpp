@@ -99,14 +99,14 @@ TEST(Hub, withoutItANeedleBeyondItsLengthIsOnlyFlagged) {
   EXPECT_NEAR(norm(probe.last().wrench_W.force_N), 1, 1e-9);
 }
 
-TEST(Hub, addsOnlyItsExcessOverTheMembraneStiffness) {
+TEST(Hub, actsWithTheTissueAndWithoutMembranes) {
   SceneSpec scene = withHub(kAxial | bitOf(Effect::kPuncture), 400);
   const double wall = scene.tracking_wall.stiffness_N_per_m;
   EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 400);
-  scene.layers[0].membrane = MembraneSpec{250, 0, 0.4};
-  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 400);
   scene.layers[0].membrane = MembraneSpec{450, 0, 0.4};
-  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 450);
+  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 400);
+  scene.layers[0].membrane = MembraneSpec{950, 0, 0.4};
+  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), 950);
 }
 
 }  // namespace

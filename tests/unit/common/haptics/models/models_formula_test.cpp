@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "tests/support/scenes/model_scenes.h"
 #include "tests/unit/common/haptics/probe.h"
@@ -32,6 +33,27 @@ TEST(ModelsFormula, directIsASpringFromTheSurfaceUpToTheLayersForce) {
   Probe deep(endless, 1000);
   deep.at(-0.001);
   EXPECT_DOUBLE_EQ(deep.at(0.012).cutting_N, -6.0);
+}
+
+// The slope of the force on an intact membrane at the skin, of 800 N/m, and what the scene says of it.
+TEST(ModelsFormula, onAMembraneOnlyModelsThatPassMembranesAddTheirStiffness) {
+  for (const AxialModel model : kAllModels) {
+    const AxialEntry& entry = axialEntry(model);
+    if ((entry.replaces & bitOf(Effect::kPuncture)) != 0) continue;  // its own tops
+    SCOPED_TRACE(entry.label);
+    SceneSpec scene = paperOneDof();
+    scene.layers[0].membrane = MembraneSpec{800, 0, 5};
+    scene.effects |= bitOf(Effect::kPuncture);
+    Probe probe(renderedBy(scene, model), 1000);
+    probe.at(-0.001);
+    const std::vector<StepReport> reports = probe.go(200, 0.001);
+    const auto pressed_N = [&](std::size_t i) {
+      return dot(reports[i].wrench_W.force_N, -probe.site().inward);
+    };
+    const double slope = (pressed_N(199) - pressed_N(198)) / 1e-5;
+    EXPECT_NEAR(slope, 800 + (entry.passes_membranes ? 500 : 0), 1e-6);
+    EXPECT_NEAR(alongStiffness(probe.model()).membrane_N_per_m, slope, 1e-6);
+  }
 }
 
 TEST(ModelsFormula, voigtAddsTheDamperAndNeverPulls) {

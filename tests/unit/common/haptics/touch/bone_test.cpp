@@ -525,13 +525,15 @@ TEST(Bone, isPartOfTheStateAndOfItsHash) {
 }
 
 TEST(Bone, isOfTheStiffnessOfTheScene) {
-  const EffectMask rubbing = kAxial | bitOf(Effect::kShaftFriction);
+  const EffectMask rubbing = kAxial | bitOf(Effect::kShaftFriction) | bitOf(Effect::kPuncture);
   const auto along_N_per_m = [&](double bone_N_per_m) {
     SceneSpec scene = withBone(onBone(), rubbing, bone_N_per_m);
     scene.layers[0].friction_N_per_m = 10;
+    scene.layers[0].membrane = MembraneSpec{450, 0, 0.4};
     return compiled(scene, 1000).axialStiffness_N_per_m();
   };
   EXPECT_NEAR(along_N_per_m(1000), 1000, 1e-9) << "the tissue's springs do not stretch on the bone";
+  EXPECT_NEAR(along_N_per_m(700), 700, 1e-9) << "nor do membrane and tissue add";
   EXPECT_NEAR(along_N_per_m(300), 640, 1e-9);
 }
 
