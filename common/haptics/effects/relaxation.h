@@ -16,6 +16,9 @@ inline constexpr double kRampWays = 6.0;
 /// After the ramp the wall follows a drifting hand at up to this speed.
 inline constexpr double kDriftSpeed_mps = 0.12e-3;
 
+/// A gap this small begins no ramp: rounding would give it a slope.
+inline constexpr double kLeastGap_m = 1e-9;
+
 /// How far a RAMP's wall moves in a tick of a stop, toward a needle that is `gap_m` beyond the rest. The ramp
 /// closes the gap and lasts one dwell longer, because a hand still yields for a while; then the wall only
 /// follows a drift.
@@ -23,7 +26,7 @@ inline constexpr double kDriftSpeed_mps = 0.12e-3;
                                               bool begins) {
   assert(gap_m >= 0.0);
   if (begins) {
-    wall.ramp_ticks = model.dwell_ticks;
+    wall.ramp_ticks = gap_m > kLeastGap_m ? model.dwell_ticks : 0;
     wall.step_m = gap_m / model.stop_ticks;
     wall.way_m = kRampWays * gap_m;
   }

@@ -105,10 +105,11 @@ FixtureSteepness steepnessOf(const SceneModel& model) {
   LayersAlong layers;
   layStraight(model, layers);
   constexpr double kScan_m = 1e-4;
+  const double kFurthest = kSlack / std::hypot(1.0, kSlack);  // P0 follows a tip that is further aside
   for (double d_m = kScan_m; d_m < model.needle_length_m; d_m += kScan_m) {
     const auto [k, slope] = lateralStiffness(layers, d_m);
     if (!(k > 0.0)) continue;
-    const double e_m = std::min(model.fixture.max_force_N / k, d_m);
+    const double e_m = std::min(model.fixture.max_force_N / k, kFurthest * d_m);
     const double s = e_m / d_m, c = std::sqrt(1.0 - s * s);
     const double bent = layers.stiffness_here.half_bend_N_per_m3 * e_m * e_m;  // ½ k″e²
     const double round = 0.5 * slope * e_m * s;                                // ½ k′e²/d

@@ -160,6 +160,22 @@ inline double limitMembranes(const SceneModel& model, double x_m, SimState& stat
   return report.puncture_N - before_N;
 }
 
+// where a membrane gave way in this tick the walls followed, with their pull: it ends, so that no wall ahead
+// of the proxy ends the hold at once; returns the change of the force along u
+inline double endPulls(const SceneModel& model, double x_m, SimState& state, StepReport& report) {
+  if ((report.flags & kFlagRupture) == 0) return 0.0;
+  const double x_cut_m = cuttingPosition(state, x_m);
+  double pull_N = report.attracted_N;
+  report.attracted_N = 0.0;
+  state.wall_m = std::min(state.wall_m, x_cut_m);
+  if (model.isLive(Effect::kShaftFriction) && report.friction_N > 0.0) {
+    pull_N += report.friction_N;
+    report.friction_N = 0.0;
+    state.friction_wall_m = x_cut_m;
+  }
+  return -pull_N;
+}
+
 // lets the tissue's force on a needle that rests on bone only fall; returns the change of the force along u
 inline double limitTissue(const SceneModel& model, const TipSample& felt, SimState& state,
                           StepReport& report) {
@@ -169,7 +185,7 @@ inline double limitTissue(const SceneModel& model, const TipSample& felt, SimSta
     return 0.0;
   }
   const double x_m = dot(state.u_W, felt.p_WT_m - state.p_entry_W_m);
-  double along_N = 0.0;
+  double along_N = endPulls(model, x_m, state, report);
   if (model.isLive(Effect::kPuncture)) along_N += limitMembranes(model, x_m, state, report);
   const double x_cut_m = cuttingPosition(state, x_m);
   if (model.cut_reach != nullptr && model.isLive(Effect::kCutting))

@@ -201,6 +201,11 @@ BonePushes ReferenceBone::onlyFall(BonePushes now) {
     for (const BonePushes::Membrane& one : now.membranes) x_c = std::min(x_c, one.place_m);
     return x_c;
   };
+  // "Where a membrane gave way … no wall stays ahead of what the walls feel"
+  if (now.ruptured) {
+    now.wall_m = std::min(now.wall_m, feltByWalls());
+    if (live(Effect::kShaftFriction)) now.friction_wall_m = std::min(now.friction_wall_m, feltByWalls());
+  }
   // Membranes: "each … moves by max(0, min(z, Δ)); w and w_f by what x_c changes"
   const double grown = last ? now.x_m - (last->x_m + now.turned_m) : 0;
   if (live(Effect::kPuncture) && grown > 0 && planted_ != BoneDefect::kMembranesGrow) {  // planted: the last

@@ -45,6 +45,7 @@ struct BoneTissue {
 struct BonePushes {
   double x_m = 0;       ///< of the place it feels
   double turned_m = 0;  ///< how far this tick's turn moved all remembered x
+  bool ruptured = false;  ///< in this tick
   double wall_m = 0, wall_N_per_m = 0;
   double friction_wall_m = 0, friction_N_per_m = 0;
   struct Membrane {

@@ -105,7 +105,7 @@ double ReferenceStop::ramp(Wall& wall, double z_m, double rest_m) const {
     if (i_ >= n) return 0;
     return wall.m * (planted_ == Defect::kLiteralEq4 ? i_ + 1 : 1.0);
   }
-  if (i_ == 0) wall = {true, 0, g / n, 6 * g, 0};
+  if (i_ == 0) wall = {g > 1e-9, 0, g / n, 6 * g, 0};
   double most = 1.5 * spec_.stop_speed_mps * period_s_;
   if (planted_ == Defect::kRampWithoutCap) wall.m = most = g;  // planted
   if (planted_ == Defect::kCreepThrough) {                     // planted

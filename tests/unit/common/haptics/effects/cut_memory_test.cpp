@@ -349,9 +349,10 @@ TEST(CutMemory, aTurnOfTheTrajectoryTakesTheTrackAlong) {
     const bool was_own = run.state().inside && run.state().cuts.own != kMaxCutTracks;
     if (was_own) length_before_m = run.state().cuts.tracks[run.state().cuts.own].length_m;
     shift_before_m = run.state().x_shift_m;
+    const Vec3 hole_W_m = run.state().p_hole_W_m;
     const StepReport report = run.step(sample);
     const CutMemory& cuts = run.state().cuts;
-    if (report.layer < 0 || cuts.own == kMaxCutTracks) continue;
+    if (report.layer < 0 || cuts.own == kMaxCutTracks || !(run.state().p_hole_W_m == hole_W_m)) continue;
     const CutTrack& own = cuts.tracks[cuts.own];
     if (was_own && (report.flags & kFlagEntry) == 0) {
       ASSERT_NEAR(own.length_m,

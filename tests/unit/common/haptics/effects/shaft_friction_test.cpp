@@ -49,14 +49,25 @@ TEST(ShaftFriction, isTheIntegralOverInsertedLengthBothWays) {
   }
 }
 
-TEST(ShaftFriction, holdsANeedleAtRestAndHasNoStop) {
-  Probe probe(frictionScene(), 1000);
-  probe.at(-0.001);
-  probe.go(500, 0.03);
-  const double gliding = probe.last().friction_N;
-  ASSERT_LT(gliding, -0.3);
-  for (const auto& report : probe.stay(2000))
-    ASSERT_NEAR(report.friction_N, gliding, 1e-12) << "it does not relax";
+// the ramp of a stop: linear, and nothing is left; after a withdrawal, too
+TEST(ShaftFriction, relaxesInAStopUntilNothingIsLeft) {
+  for (const double depth_m : {0.03, 0.015}) {
+    Probe probe(frictionScene(), 1000);
+    probe.at(-0.001);
+    probe.go(500, 0.03);
+    if (depth_m < 0.03) probe.go(500, depth_m);
+    const double gliding = probe.last().friction_N;
+    ASSERT_GT(std::abs(gliding), 0.15);
+    double before_N = gliding;
+    for (const auto& report : probe.stay(3000)) {
+      ASSERT_LE(std::abs(report.friction_N), std::abs(before_N) + 1e-12);
+      ASSERT_LE(std::abs(report.friction_N - before_N), 140 * 1.5 * 0.003 * 1e-3 + 1e-12) << "no step";
+      before_N = report.friction_N;
+    }
+    EXPECT_EQ(before_N, 0);
+    probe.go(2000, depth_m + (depth_m < 0.03 ? -0.01 : 0.01));
+    EXPECT_GT(std::abs(probe.last().friction_N), 0.05) << "and it builds up again";
+  }
 }
 
 TEST(ShaftFriction, reversesThroughItsSpring) {

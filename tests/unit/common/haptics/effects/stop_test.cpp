@@ -96,7 +96,8 @@ TEST(Stop, aRestThatDriftsEndsAtTheRejectionForceWithOneStop) {
     Probe probe = inserted(stopScene());
     const auto hold = probe.go(10'000, 0.012 + 10 * drift_mps);
     EXPECT_EQ(stopsIn(hold), 1) << drift_mps;
-    EXPECT_NEAR(std::abs(alongWall_N(hold.back())), 0.1, 0.01) << drift_mps;
+    // outward the needle would be pulled in: nothing is left of that
+    EXPECT_NEAR(alongWall_N(hold.back()), drift_mps < 0 ? 0 : -0.1, 0.01) << drift_mps;
   }
 }
 
@@ -160,11 +161,12 @@ TEST(Stop, aYieldingHandStopsOnceAtTheRejectionForce) {
       for (int k = 0; k < 14'000; ++k)
         hold.push_back(hand.tick(aim_m + 5e-5 * std::sin(0.0565 * k), 0));  // 9 Hz
       EXPECT_EQ(stopsIn(hold), 1) << cutting_N << " N, " << stiffness << " N/m";
-      // the wall has followed the hand's tremor to its extreme
+      // the wall has followed the hand's tremor of 0.1 mm from end to end, which stretches it by that
       double greatest_N = 0;
       for (std::size_t k = 13'000; k < hold.size(); ++k)
         greatest_N = std::max(greatest_N, -alongWall_N(hold[k]));
-      EXPECT_NEAR(greatest_N, 0.1, 0.02) << cutting_N << " N, " << stiffness << " N/m";
+      EXPECT_GE(greatest_N, 0.08) << cutting_N << " N, " << stiffness << " N/m";
+      EXPECT_LE(greatest_N, 0.1 + 500 * 1e-4 + 0.002) << cutting_N << " N, " << stiffness << " N/m";
     }
 }
 

@@ -176,7 +176,8 @@ class BoneComparison {
     felt_->bone.held_m = state.bone.held_m;  // a turn knows it
     StepReport placed;
     engine_.model().placed_step(engine_.model(), at, *felt_, placed);
-    const BonePushes free = pushesOf(engine_.model(), *felt_, at.p_WT_m, shift_before_m);
+    BonePushes free = pushesOf(engine_.model(), *felt_, at.p_WT_m, shift_before_m);
+    free.ruptured = (placed.flags & kFlagRupture) != 0;
     const BonePushes pushes = reference_.onlyFall(free);
     if (pushes.wall_m > free.wall_m + 1e-6) ++all_.lowered;
     if (pushes.friction_wall_m > free.friction_wall_m + 1e-6) ++all_.lowered_friction;
