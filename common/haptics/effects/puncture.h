@@ -73,6 +73,13 @@ inline double membranesForce(const SceneModel& model, const SimState& state, dou
     state.friction_wall_m += x_cut - tick.x_cut_m;
     tick.x_cut_m = x_cut;
   }
+  if (tick.x_cut_m < tick.x_m) {
+    // in against an intact membrane a wall ahead, which pulls, falls behind by the way: otherwise it would
+    // pull with the same force all the way
+    const double gone_m = std::max(0.0, tick.x_m - std::max(x_before_m, tick.x_cut_m));
+    for (double* wall_m : {&state.wall_m, &state.friction_wall_m})
+      if (*wall_m > tick.x_cut_m) *wall_m = std::max(tick.x_cut_m, *wall_m - gone_m);
+  }
   assert(!(force > 0.0));
   return report.puncture_N = force;
 }

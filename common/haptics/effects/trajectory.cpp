@@ -266,6 +266,12 @@ void pierceAgain(const SceneModel& model, const Tick& tick, SimState& state) {
   state.p_hole_W_m = state.p_entry_W_m;
 }
 
+// a wall follows a place that moves inward; ahead of it, where it pulls, it waits for it
+double followed(double wall_m, double from_m, double to_m) {
+  assert(!(to_m < from_m));
+  return wall_m > from_m ? std::max(wall_m, to_m) : wall_m + (to_m - from_m);
+}
+
 // a membrane stays at the top of its layer when P0 moves along the skin; that only shortens its stretch. The
 // walls that it holds back follow
 void keepAtLayers(const SceneModel& model, const Tick& tick, SimState& state) {
@@ -277,9 +283,9 @@ void keepAtLayers(const SceneModel& model, const Tick& tick, SimState& state) {
     const double kept_m = std::clamp(z_m, std::min(0.0, beyond_m), std::max(0.0, beyond_m));
     state.membrane_place_m[i] += z_m - kept_m;
   }
-  const double follow_m = cuttingPosition(state, tick.x_m) - x_cut_before_m;
-  state.wall_m += follow_m;
-  state.friction_wall_m += follow_m;
+  const double x_cut_m = cuttingPosition(state, tick.x_m);
+  state.wall_m = followed(state.wall_m, x_cut_before_m, x_cut_m);
+  state.friction_wall_m = followed(state.friction_wall_m, x_cut_before_m, x_cut_m);
 }
 
 }  // namespace

@@ -95,8 +95,8 @@ void compileTurn(SceneModel& model) {
   model.inverse_needle_squared_per_m2 = 1.0 / (model.needle_length_m * model.needle_length_m);
 }
 
-// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a needle that is moved aside with a straight
-// axis, so that u does not turn, as far as U is not linear. s = e/d and c are the sine and cosine of the angle
+// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a tip that is aside by no more than the cone
+// α, or than u holds it (β), and where U is not linear yet. s = e/d and c are the sine and cosine of the angle
 // between p − P0 and u
 FixtureSteepness steepnessOf(const SceneModel& model) {
   if (!model.isLive(Effect::kClamping)) return {};
@@ -105,11 +105,12 @@ FixtureSteepness steepnessOf(const SceneModel& model) {
   LayersAlong layers;
   layStraight(model, layers);
   constexpr double kScan_m = 1e-4;
-  const double kFurthest = kSlack / std::hypot(1.0, kSlack);  // P0 follows a tip that is further aside
   for (double d_m = kScan_m; d_m < model.needle_length_m; d_m += kScan_m) {
     const auto [k, slope] = lateralStiffness(layers, d_m);
     if (!(k > 0.0)) continue;
-    const double e_m = std::min(model.fixture.max_force_N / k, kFurthest * d_m);
+    const double cone = (model.needle_length_m - d_m) / (model.needle_length_m + d_m);
+    const double tangent = std::max(cone, turnTangent(model, d_m));
+    const double e_m = std::min(model.fixture.max_force_N / k, d_m * tangent / std::hypot(1.0, tangent));
     const double s = e_m / d_m, c = std::sqrt(1.0 - s * s);
     const double bent = layers.stiffness_here.half_bend_N_per_m3 * e_m * e_m;  // ½ k″e²
     const double round = 0.5 * slope * e_m * s;                                // ½ k′e²/d

@@ -49,7 +49,7 @@ def sources_text(region, build):
             parts.append(f"{words} ({source})")
     return ("A teaching body, no measurement of a patient. " + "; ".join(parts) + ". Set by hand: " + ", ".join(by_hand) +
             (", " if by_hand else "") + "all other places and sizes, lateral stiffness, membranes, rejection, limits of clamping and "
-            "orientation, stop times, stiffness and friction of bone, palpation. " + region.forces.format(share=f"{region.share[build][0]:g}") +
+            "orientation, stop times, stiffness of shaft friction and hub, stiffness and friction of bone, palpation. " + region.forces.format(share=f"{region.share[build][0]:g}") +
             " Wall stiffness 500 N/m: enhanced-tracking-wall paper. Shaft friction: about a fifth of the axial force at the target "
             "(Barnett: 21 %).")
 
@@ -69,13 +69,13 @@ def profile(region, build):
         "needle": needle,
         "tracking_wall": {"stiffness_n_per_m": 500, "stop_speed_m_s": 0.003, "stop_dwell_s": 0.05, "stop_duration_s": 0.8},
         "virtual_fixture": {"max_stiffness_n_per_m": 300, "max_force_n": region.fixture[build], "mode": "CONSERVATIVE"},
-        "orientation_limit": {"stiffness_nm_per_rad": 0.5, "max_torque_nm": 0.2}, "shaft_friction": {"stiffness_n_per_m": 60},
+        "orientation_limit": {"stiffness_nm_per_rad": 0.5, "max_torque_nm": 0.2}, "shaft_friction": {"stiffness_n_per_m": 280},
         "max_force_n": 10, "targets": targets, "hazards": hazards,
         "effects": effects + (["CUT_MEMORY"] if region.cut_memory else []) + ["BONE", "HUB", "PALPATION"],
         "description": region.description, "sources": sources_text(region, build)}
     if region.cut_memory:
         made["cut_memory"] = {"cutting_share": 0.23, "radius_m": 0.001}
-    return {**made, "bone": {"stiffness_n_per_m": 600, "friction_coefficient": 0.3}, "hub": {"stiffness_n_per_m": 300},
+    return {**made, "bone": {"stiffness_n_per_m": 600, "friction_coefficient": 0.3}, "hub": {"stiffness_n_per_m": 200},
             "directions": region.directions, "volume": region.volume(p).json(),
             "palpation": {"skin_stiffness_n_per_m": 300, "bone_stiffness_n_per_m": 600, "friction_coefficient": 0.3, "radius_m": 0.003,
                           "landmark": region.landmark}}

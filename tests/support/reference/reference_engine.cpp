@@ -397,8 +397,8 @@ void ReferenceEngine::followMembranes(Insertion& in, const Geometry& g, double d
     // "its z is brought between 0 and how far the tip is beyond the top"
     membrane.place_m = g.x - std::min(std::max(z, std::min(0.0, beyond(i))), std::max(0.0, beyond(i)));
   }
-  in.wall += cutPosition() - x_c_before;
-  in.friction_wall += cutPosition() - x_c_before;
+  for (double* wall : {&in.wall, &in.friction_wall})
+    *wall = *wall > x_c_before ? std::max(*wall, cutPosition()) : *wall + (cutPosition() - x_c_before);
 }
 
 // "Change of trajectory"; true when u turned
@@ -520,6 +520,10 @@ double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double d
   const double x_c = cutPosition();
   in.wall += x_c - x_c_held;
   in.friction_wall += x_c - x_c_held;
+  // "Where x > x_c a wall ahead of x_c falls back by the way in beyond it, as far as x_c"
+  if (g.x > x_c && planted_ != Defect::kMembranePulls)  // planted
+    for (double* wall : {&in.wall, &in.friction_wall})
+      if (*wall > x_c) *wall = std::max(x_c, *wall - std::max(0.0, g.x - std::max(x_before, x_c)));
   return x_c;
 }
 

@@ -32,6 +32,7 @@ enum class Defect : std::uint8_t {
   kEntryJumpsAt80,     ///< a needle tilted by more than 80° enters along −n
   kExitAnywhere,       ///< a needle that leaves a round limb on the far side counts as outside
   kTurnLeavesWalls,    ///< a turn moves neither walls, membranes nor past x
+  kMembranePulls,      ///< what pulls keeps its force while the needle presses a membrane
   kMembranesSlide,     ///< a move of P0 leaves the membranes' stretch
   kFrictionPushes,     ///< friction's wall does not relax in a stop
   kFrictionBySign,     ///< shaft friction of full size opposing the last move, no spring

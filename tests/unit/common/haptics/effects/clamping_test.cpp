@@ -113,10 +113,8 @@ TEST(Clamping, steepnessIsTheGreatestThatAHandFinds) {
     probe.go(400, d_m);
     // as far aside as u holds, minus the difference step
     const double k = probe.last().clamping_stiffness_N_per_m;
-    double e_m = std::min(4 / k, d_m) - 2e-5, x_m = 0;
-    do {
-      x_m = std::sqrt(d_m * d_m - e_m * e_m);
-    } while (e_m > 3 * (x_m - 0.62e-3) && (e_m *= 0.999) > 0);  // so that P0 does not follow
+    const double cone = std::max(orientationLimitAngle(scene.needle_length_m, d_m), holdAngle(scene, d_m));
+    const double e_m = std::min(4 / k, d_m * std::sin(cone)) - 2e-5, x_m = std::sqrt(d_m * d_m - e_m * e_m);
     probe.go(2000, x_m, e_m);
     const Vec3 u_before = probe.state().u_W;
     constexpr double kStep_m = 5e-6;
