@@ -125,5 +125,59 @@ TEST(OrientationLimit, beyondTheNeedlesLengthItIsFiniteAndFlagged) {
   EXPECT_FALSE(probe.at(0.05).flags & kFlagBeyondNeedle);
 }
 
+// u may be α from the direction of entry, and the axis, too: before, the axis was α from u, so 2α in all
+TEST(OrientationLimit, isMeasuredFromTheDirectionOfEntry) {
+  SceneSpec scene = withClamping(oneLayer(1, 0.5, 0.1), ClampingMode::kConservative);
+  scene.layers[0].lateral_stiffness_N_per_m2 = 9000;
+  scene.effects = bitOf(Effect::kClamping) | bitOf(Effect::kOrientationLimit);
+  scene.orientation_limit = {0.5, 0.2};
+  const double length_m = scene.needle_length_m;
+  for (const double re_aimed : {0.0, 15 * kDegree}) {
+    Probe probe(scene, 1000);
+    probe.at(-1e-4);
+    probe.go(500, 0.01);
+    for (int i = 1; i <= 500; ++i) {
+      const double angle = re_aimed * i / 500;
+      probe.tilt(angle);
+      probe.at(0.01 * std::cos(angle), 0.01 * std::sin(angle));
+    }
+    probe.go(1000, 0.025 * std::cos(re_aimed), 0.025 * std::sin(re_aimed));
+    EXPECT_NEAR(std::acos(dot(probe.state().u_W, probe.site().inward)), 0.9 * re_aimed, 0.1 * re_aimed);
+    const double alpha = std::atan((length_m - 0.025) / (length_m + 0.025));
+    double begins = 0;
+    Vec3 torque_before;
+    for (double tilt = re_aimed; tilt < 1; tilt += 1e-3) {
+      probe.tilt(tilt);
+      const StepReport report = probe.stay(1).front();
+      if (begins == 0 && norm(report.wrench_W.torque_Nm) > 0) begins = tilt;
+      ASSERT_LE(norm(report.wrench_W.torque_Nm - torque_before), 0.5 * 1e-3 + 2e-3) << tilt;
+      torque_before = report.wrench_W.torque_Nm;
+    }
+    EXPECT_NEAR(begins, alpha, 2e-3) << re_aimed;
+  }
+}
+
+// drawn back to the skin with a torque, u0 comes after u: the torque goes without a step
+TEST(OrientationLimit, theTorqueHasNoStepWhereTheDirectionOfEntryFollows) {
+  SceneSpec scene = withClamping(oneLayer(1, 0.5, 0.1), ClampingMode::kConservative);
+  scene.layers[0].lateral_stiffness_N_per_m2 = 9000;
+  scene.effects = bitOf(Effect::kClamping) | bitOf(Effect::kOrientationLimit);
+  scene.orientation_limit = {0.5, 0.2};
+  Probe probe(scene, 1000);
+  probe.at(-1e-4);
+  probe.go(500, 0.02);
+  Vec3 before;
+  const auto tick = [&](double tilt, double depth_m) {
+    probe.tilt(tilt);
+    const Vec3 torque = probe.at(depth_m, depth_m * std::tan(0.3)).wrench_W.torque_Nm;
+    ASSERT_LE(norm(torque - before), 0.5 * 2e-3 + 2e-3) << depth_m;
+    before = torque;
+  };
+  for (int i = 0; i <= 450; ++i) tick(0.002 * i, 0.02);
+  EXPECT_GT(norm(before), 0.1);
+  for (int i = 0; i < 2000; ++i) tick(0.9, 0.02 - 0.0000099 * i);
+  for (int i = 0; i < 1000; ++i) tick(0.9, 0.0002);
+}
+
 }  // namespace
 }  // namespace needlelab::test

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "common/haptics/effects/effect_entry.h"
 #include "tests/unit/common/haptics/probe.h"
 
 namespace needlelab::test {
@@ -120,6 +121,55 @@ TEST(Puncture, beforeTheSkinBreaksThereIsNoCuttingForce) {
   for (int i = 1; i <= 150; ++i) ASSERT_EQ(probe.at(1e-5 * i).cutting_N, 0.0);
   probe.go(300, 0.009);
   EXPECT_NEAR(probe.last().cutting_N, -1.0, 1e-9);
+}
+
+// At 45° just under the skin: 3 mm forward ruptured it, and 5 mm backward left its membrane in the fat.
+TEST(Puncture, aMembraneStaysWithTheSkinUnderWhichANeedleSlides) {
+  SceneSpec scene = withEffects(oneLayer(1, 0.3, 0.1), bitOf(Effect::kPuncture) | kAxial);
+  scene.layers[0].membrane = MembraneSpec{200, 20'000, 0.6};
+  const Vec3 axis = tilted({0, 0, -1}, 1, {1, 0, 0});
+  for (const double slide_m : {0.003, -0.005}) {
+    EngineRun run(scene, 1000);
+    MotionBuilder path(1000, axis * -0.002, axis);
+    path.slideTo(axis * 0.0005, 0.01).slideTo(axis * 0.0005 + Vec3{slide_m, 0, 0}, 0.01);
+    for (const TipSample& sample : path.samples())
+      ASSERT_FALSE(run.step(sample).flags & kFlagRupture) << slide_m;
+    ASSERT_EQ(run.state().membranes_met, 1u);
+    // pressed on along the needle it ruptures where 0.6 N say, from the skin or at most from where it is now
+    double ruptured_m = 0;
+    Vec3 tip = path.samples().back().p_WT_m;
+    for (int k = 0; k < 1000 && ruptured_m == 0; ++k) {
+      tip = tip + axis * 1e-5;
+      const StepReport report = run.step({tip, pointing(axis)});
+      if (report.flags & kFlagRupture) ruptured_m = report.depth_m / -axis.z;
+    }
+    const double stretch_m = (-200 + std::sqrt(200 * 200 + 4 * 20'000 * 0.6)) / (2 * 20'000);
+    EXPECT_GE(ruptured_m, stretch_m - 2e-5) << slide_m;
+    EXPECT_LE(ruptured_m, stretch_m + 0.0005 + 2e-5) << slide_m;
+  }
+}
+
+// 10 mm aside at 0.2 mm was a new hole for nothing
+TEST(Puncture, aNewHoleIsAPuncture) {
+  SceneSpec scene = withEffects(allEffects(), kPlacedEffects);
+  scene.layers[0].membrane = MembraneSpec{200, 20'000, 0.6};
+  for (const bool remembers : {false, true}) {
+    if (remembers) {
+      scene.effects |= bitOf(Effect::kCutMemory);
+      useUsualNumbers(effectEntry(Effect::kCutMemory), scene);
+    }
+    for (const double aside_m : {0.0, 0.0008, 0.003, 0.01}) {
+      Probe probe(scene, 1000);
+      probe.at(-1e-4);
+      probe.go(300, 0.006);
+      probe.go(300, 0.0002);
+      probe.go(600, 0.0002, aside_m);
+      int ruptures = 0;
+      for (const StepReport& report : probe.go(300, 0.006, aside_m))
+        if (report.flags & kFlagRupture) ++ruptures;
+      EXPECT_EQ(ruptures, aside_m > 0.001 ? 1 : 0) << aside_m << (remembers ? ", with CUT_MEMORY" : "");
+    }
+  }
 }
 
 }  // namespace

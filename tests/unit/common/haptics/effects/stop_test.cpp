@@ -2,6 +2,8 @@
 // The hands are integrated here, independently of the product's plant.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -209,6 +211,40 @@ TEST(WallStiffnessOfALayer, givesNoEnergyOverAnyGesture) {
     EngineRun run(scene, 4000);
     EXPECT_LE(forceWork(motion, run.run(motion)), 1e-6) << "seed " << seed;
   }
+}
+
+// 20 mm/s across: cutting fell from 2.00 to 0.10 N
+TEST(Stop, aNeedleThatMovesAcrossDoesNotRest) {
+  for (const double speed_mps : {0.005, 0.02, 0.05}) {
+    Probe probe = inserted(stopScene(2));
+    probe.stay(30);
+    const double cutting_N = probe.last().cutting_N;
+    ASSERT_LT(cutting_N, -1.9);
+    const int ticks = static_cast<int>(0.015 / speed_mps * 1000);
+    for (const StepReport& report : probe.go(ticks, 0.012, 0.015))
+      if (report.phase == Phase::kStopped)
+        ASSERT_GE(-report.cutting_N, 1.8) << speed_mps;  // a stop may begin before the first 0.34 mm
+    EXPECT_NEAR(probe.last().cutting_N, cutting_N, 0.2) << speed_mps;
+    EXPECT_NE(probe.last().phase, Phase::kStopped) << speed_mps;
+    probe.stay(3000);
+    EXPECT_NEAR(probe.last().cutting_N, -0.1, 0.01) << "and then it rests";
+  }
+}
+
+TEST(Stop, tremorOfATenthOfAMillimetreRestsInEveryDirection) {
+  for (const double frequency_hz : {4.0, 6.0, 8.0, 10.0, 12.0})
+    for (const auto& [in, one, other] :
+         {std::array{0.0, 1.0, 0.0}, std::array{0.0, 0.6, 0.8}, std::array{0.6, 0.8, 0.0}}) {
+      Probe probe = inserted(stopScene(2));
+      double worst_N = 0;
+      for (int k = 0; k < 6000; ++k) {
+        const double t = 1e-4 * std::sin(2 * std::numbers::pi * frequency_hz * 1e-3 * k);
+        const StepReport report = probe.at(0.012 + in * t, one * t, other * t);
+        if (k > 4000) worst_N = std::max(worst_N, -report.cutting_N);
+      }
+      EXPECT_EQ(probe.last().phase, Phase::kStopped) << frequency_hz << " Hz, " << in;
+      EXPECT_LE(worst_N, 0.1 + 500 * 2e-4 * in + 0.01) << frequency_hz << " Hz, " << in;
+    }
 }
 
 }  // namespace

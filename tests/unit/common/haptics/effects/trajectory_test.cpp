@@ -188,5 +188,46 @@ TEST(Trajectory, aNeedleHeldFarAsideComesOutWithoutAStep) {
     }
 }
 
+// a finger, a wrist and a ball, run through aside: 2.30 N within a tick before
+TEST(Trajectory, aNeedleRunThroughARoundLimbFarAsideDoesNotStep) {
+  SceneSpec scene = softTissue();
+  scene.needle_length_m = 0.016;
+  scene.effects |= bitOf(Effect::kHub);
+  scene.stage_numbers[stageOf(Effect::kHub)][kHubStiffness_N_per_m] = 300;
+  for (const double radius_m : {0.008, 0.013, 0.03})
+    for (const bool is_ball : {true, false})
+      for (const double deep_m : {0.6, 1.1, 1.5})
+        for (const double aside_m : {0.6, 1.2, 2.0}) {
+          const Vec3 middle{0, 0, -radius_m};
+          if (is_ball)
+            scene.limb = SphereLimb{middle, radius_m};
+          else
+            scene.limb = CapsuleLimb{middle - Vec3{0, 0.1, 0}, middle + Vec3{0, 0.1, 0}, radius_m};
+          const Vec3 axis = tilted({0, 0, -1}, std::tan(20 * kDegree), {1, 0, 0});
+          EngineRun run(scene, 1000);
+          const auto model = compiled(scene, 1000);
+          const double springs_N_per_m =
+              model.axialStiffness_N_per_m() + model.fixture_steepness.across_N_per_m;
+          MotionBuilder path(1000, axis * -0.003, axis);
+          const Vec3 deep = axis * (deep_m * radius_m), aside = deep + Vec3{aside_m * radius_m, 0, 0};
+          path.slideTo(deep, 0.02).slideTo(aside, 0.02).slideTo(aside + Vec3{0, 0, -2 * radius_m}, 0.02);
+          path.slideTo(aside, 0.02).slideTo(deep, 0.02);
+          StepReport before{};
+          Vec3 tip_before;
+          double beyond_N = 0;
+          for (const TipSample& sample : path.samples()) {
+            const StepReport now = run.step(sample);
+            constexpr std::uint32_t kReleases = kFlagExit | kFlagEntry | kFlagLayerChange | kFlagRupture;
+            if (before.phase != Phase::kFree && (now.flags & kReleases) == 0)
+              beyond_N = std::max(beyond_N, norm(now.wrench_W.force_N - before.wrench_W.force_N) -
+                                                springs_N_per_m * norm(sample.p_WT_m - tip_before));
+            before = now;
+            tip_before = sample.p_WT_m;
+          }
+          EXPECT_LE(beyond_N, 0.02) << radius_m << (is_ball ? " ball, " : " capsule, ") << deep_m << ", "
+                                    << aside_m;
+        }
+}
+
 }  // namespace
 }  // namespace needlelab::test
