@@ -67,8 +67,8 @@ Vec3 ReferenceBone::ontoBone(Vec3 p_W_m) const {
 }
 
 // 1. Under a plane "at the share g/(g + b) with g = max(0, −b')". Under a round skin "at the first place with
-// δ_b > 0, looked for from the start by steps of the distance to the bone, at least 1/64 of the way and at
-// most 64 of them, and at the end of the way"
+// δ_b > 0. It is looked for at 64 places at most and at the end of the way: first as far from p' as the bone
+// is …, then on by the distance to the bone, at least 1/64 of the way."
 std::optional<Vec3> ReferenceBone::meeting(Vec3 from_W_m, Vec3 to_W_m) const {
   const Vec3 way = to_W_m - from_W_m;
   if (std::holds_alternative<PlaneLimb>(scene_.limb)) {
@@ -161,7 +161,7 @@ bool ReferenceBone::slipOnce(Vec3 p_W_m, bool last_look) {
   const double way = planted_ == BoneDefect::kSlipsToFoot ? t : t - friction_ * g;       // planted: the first
   const double room = shareInRoom(aside * (way / t), p_W_m);
   if (room < 1) stand_.cut = true;
-  // "Where that does not shorten |s| the move is halved, up to four times, then left out"
+  // "Where both do not shorten |s| the cut move is halved, up to four times, then left out."
   const bool outside = depthInBone(q) < -kOnSurface_m;
   double share = room;
   for (int i = 0; i <= kMostHalvings; ++i, share /= 2) {
@@ -201,12 +201,13 @@ BonePushes ReferenceBone::onlyFall(BonePushes now) {
     for (const BonePushes::Membrane& one : now.membranes) x_c = std::min(x_c, one.place_m);
     return x_c;
   };
-  // "Where a membrane gave way … no wall stays ahead of what the walls feel"
+  // Pulls: where a membrane gave way in this tick, a wall ahead of x_c comes back to it
   if (now.ruptured) {
     now.wall_m = std::min(now.wall_m, feltByWalls());
     if (live(Effect::kShaftFriction)) now.friction_wall_m = std::min(now.friction_wall_m, feltByWalls());
   }
-  // Membranes: "each … moves by max(0, min(z, Δ)); w and w_f by what x_c changes"
+  // Membranes: "each intact membrane that was met moves by max(0, min(z, Δ)), z its stretch; w and w_f by
+  // what x_c changes"
   const double grown = last ? now.x_m - (last->x_m + now.turned_m) : 0;
   if (live(Effect::kPuncture) && grown > 0 && planted_ != BoneDefect::kMembranesGrow) {  // planted: the last
     const double x_c_before = feltByWalls();

@@ -41,7 +41,8 @@ bool ReferenceCutMemory::passes(const Track& track, Vec3 p_W_m, double more_m) c
   return distanceTo(track, p_W_m) <= radius_m_ + more_m;
 }
 
-// "the way along u to that track's end, or, if that is shorter, to where u leaves it"
+// "the way to the end, (ℓ − a)/(u·v) (negative beyond the end), or, if shorter, the one to where u is r away
+// from the line"
 double ReferenceCutMemory::wayWithin(const Track& track, Vec3 p_W_m, Vec3 u_W) const {
   const double cosine = dot(u_W, track.v_W);
   if (cosine <= 0) return alongTo(track, p_W_m) <= track.length ? 0 : -1;
@@ -55,7 +56,7 @@ double ReferenceCutMemory::wayWithin(const Track& track, Vec3 p_W_m, Vec3 u_W) c
   return std::min(to_end, -half + std::sqrt(std::max(0.0, half * half - rest)));
 }
 
-// 1. Turn
+// 1. Move of the line
 void ReferenceCutMemory::turn(const CutTick& tick) {
   if (!own_) return;
   tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;

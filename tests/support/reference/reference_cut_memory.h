@@ -48,7 +48,8 @@ class ReferenceCutMemory {
     bool undecided = false;  ///< rounding decides about `wall`
   };
   Released step(CutTick& tick);
-  /// "At a new hole … its own track stays at the old one, and it has none": before this tick's step.
+  /// "CUT_MEMORY leaves the insertion's own track at the old hole, and the insertion has none" ("Puncture"):
+  /// before this tick's step.
   void leaveTrack(Vec3 hole_W_m) {
     if (own_) tracks_[*own_].p_entry_W_m = hole_W_m;
     own_.reset();

@@ -12,7 +12,7 @@ constexpr double kPi = std::numbers::pi;
 
 double angleBetween(Vec3 a, Vec3 b) {
   return std::atan2(norm(cross(a, b)), dot(a, b));
-}  // §3: "by atan2(|a×b|, a·b)"
+}  // "Notation": "The angle between a and b is atan2(|a × b|, a·b)."
 
 double signOf(double value) {
   return value > 0 ? 1.0 : value < 0 ? -1.0 : 0.0;
@@ -28,7 +28,7 @@ double slantOf(Vec3 normal, Vec3 u) {
   return std::max(0.05, -dot(normal, u));  // "Contact": c = max(0.05, −n·u)
 }
 
-// u turned by `angle` toward the point p, about P0 (§3.3)
+// u turned by `angle` about P0, toward y, the unit vector of e ("Change of trajectory")
 Vec3 turned(Vec3 u, Vec3 e, double angle) {
   return normalized(u * std::cos(angle) + normalized(e) * std::sin(angle));
 }
@@ -55,12 +55,12 @@ std::optional<double> ReferenceEngine::tiltLimit() const {
   return insertion_ ? std::optional(insertion_->tilt_limit) : std::nullopt;
 }
 
-// §3: "A duration in ticks is max(1, floor(duration·rate + 0.5))."
+// "Notation": "A duration of s seconds is max(1, floor(s·rate + 0.5)) ticks."
 std::int64_t ReferenceEngine::inTicks(double duration_s) const {
   return std::max<std::int64_t>(1, static_cast<std::int64_t>(std::floor(duration_s * rate_hz_ + 0.5)));
 }
 
-// §4: "An effect whose numbers are all zero is not live."
+// before "Contact": "An effect is live when the scene lists it and its numbers are not all zero"
 bool ReferenceEngine::live(Effect effect) const {
   if ((scene_.effects & bitOf(effect)) == 0) return false;
   const auto anyLayer = [&](auto nonZero) {
@@ -93,7 +93,7 @@ bool ReferenceEngine::live(Effect effect) const {
   return false;
 }
 
-// §3.1: plane δ = −n·(p − p_surface); sphere R − |p − c|; capsule R − distance to its segment
+// "Contact": plane δ = −n·(p − p_surface); sphere R − |p − c|; capsule "R less the distance to its segment"
 double ReferenceEngine::depthAt(Vec3 p) const {
   if (const auto* plane = std::get_if<PlaneLimb>(&scene_.limb))
     return -dot(normalized(plane->normal), p - plane->point_m);
@@ -116,7 +116,7 @@ double ReferenceEngine::topOf(std::size_t layer) const {
   return top;
 }
 
-// §3.1: "by δ, layers are half-open [top, bottom), the last has no end"
+// "Contact": "Layer by δ: half-open intervals [top, bottom); the last has no bottom."
 int ReferenceEngine::layerAt(double depth) const {
   int layer = 0;
   for (std::size_t i = 1; i < scene_.layers.size(); ++i)
@@ -144,7 +144,7 @@ double ReferenceEngine::energy(double k, double e) const {
   return k * e > f_max ? f_max * (e - f_max / (2 * k)) : 0.5 * k * e * e;
 }
 
-// §3.4: α(d_t) = atan((L − d_t)/(L + d_t)), d_t held to [0, L]
+// "Orientation limit": "α(d) = atan((L − d)/(L + d)) (eq. 7), with d = d_t held to [0, L]"
 double ReferenceEngine::cone(double d_t) const {
   const double length = scene_.needle_length_m, d = std::clamp(d_t, 0.0, length);
   return std::atan((length - d) / (length + d));
@@ -172,12 +172,11 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   }
   const Vec3 p = sample.p_WT_m;
   const Vec3 axis =
-      normalized(rotate(sample.q_WT, {0, 0, 1}));  // §3: "The needle's axis is normalised on input."
+      normalized(rotate(sample.q_WT, {0, 0, 1}));  // "Notation": "The needle's axis is normalised on input."
   const double depth = depthAt(p);
   out.depth_m = depth;
 
-  // contact (§3.1)
-  // "Through"
+  // "Contact": Through
   bool through = false;
   if (insertion_ && depth <= 0 && !std::holds_alternative<PlaneLimb>(scene_.limb)) {
     const Vec3 arm = p - insertion_->p_entry;
@@ -192,7 +191,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     if (insertion_ && live(Effect::kCutMemory)) cone_bound_ticks_before_ += insertion_->cone_bound_ticks;
     insertion_.reset();
     outside_once_ = true;
-  } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // "Entry: δ_k > 0 after δ_{k−1} ≤ 0."
+  } else if (!insertion_ && has_past_ && depth_past_ <= 0) {  // Entry: "δ_k > 0 after one with δ_{k−1} ≤ 0"
     enter(p, depth, axis);
     out.flags |= kFlagEntry;
     if (angleBetween(axis, insertion_->normal) > 80 * kPi / 180 &&
@@ -203,7 +202,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     enter(p, depth, axis);
     out.flags |= kFlagEntry;
   } else if (!insertion_) {
-    out.flags |= kFlagStartedInside;  // "FREE, layer −1, no force until the tip has once been outside"
+    out.flags |= kFlagStartedInside;  // "a tick with δ > 0 stays FREE: layer −1, no force"
   }
 
   if (insertion_) {
@@ -217,12 +216,12 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     in.layer = layer;
     in.through = through;
 
-    // "past the middle"
+    // past the middle ("Contact")
     if (g.x >= in.layers.deepest()) in.past_middle = true;
     if (std::holds_alternative<PlaneLimb>(scene_.limb) || -dot(in.normal, p - in.p_entry) - depth <= 0.05e-3)
       in.past_middle = false;
 
-    // trajectory and clamping (§3.3)
+    // "Near the skin", "Change of trajectory", "Clamping"
     in.turned_by = 0;
     if (followNearSkin(in, g, p, depth, axis)) out.flags |= kFlagTurn;
     if (turn(in, g, p, axis)) out.flags |= kFlagTurn;
@@ -240,7 +239,8 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     puncture(in, g, out);
     tilt(in, g, axis, out);
 
-    // §3.5: "Forces add up in the order axial, friction, puncture, clamping"
+    // "Sum and cap": "Along u: axial, then friction, then puncture; to that vector clamping is added, then
+    // the hub; then the forces of effects that run as stages"
     Vec3 force = in.u * (out.cutting_N + out.attracted_N);
     force += in.u * out.friction_N;
     force += in.u * out.puncture_N;
@@ -251,7 +251,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
       force += normalized(in.p_entry - p) * out.hub_N;
     }
     if (live(Effect::kCutMemory)) force += in.u * remember(in, g, x_c, entry, out);
-    // §3.5: "the sum is capped at max_force_n, keeping its direction"
+    // "A sum longer than the profile's max_force_n … is shortened to it and keeps its direction."
     if (std::abs(norm(force) - scene_.max_force_N) < 1e-9) undecided_ |= kFlagForceCapped;
     if (norm(force) > scene_.max_force_N) {
       force = force * (scene_.max_force_N / norm(force));
@@ -275,7 +275,7 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
   return out;
 }
 
-// §3.1 Entry, and the states that §3.2-3.5 begin with
+// "Contact": the entry, and the state with which the other sections begin
 void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   Insertion in({scene_.tracking_wall, rate_hz_, wallRelaxes(), planted_});
   in.p_entry = p_past_ + (p - p_past_) * (depth_past_ / (depth_past_ - depth));
@@ -286,16 +286,17 @@ void ReferenceEngine::enter(Vec3 p, double depth, Vec3 axis) {
   in.u0 = in.u;
   in.aim = axis;
   in.hole = in.p_entry;
-  in.x_past = {0.0};  // "with x = 0 at tick k_entry − 1"
+  in.x_past = {0.0};  // "and x = 0 at tick k_entry − 1"
   in.tilt_limit =
-      std::max(kPi / 4, angleBetween(axis, in.u));  // §3.4: "max(45°, θ) at entry, before any turn"
+      std::max(kPi / 4, angleBetween(axis, in.u));  // "max(45°, θ) at entry, before a turn in that tick"
   in.membranes.resize(scene_.layers.size());
   in.wall = in.friction_wall = std::min(0.0, dot(in.u, p - in.p_entry));
   in.spring = scene_.layers[0].wall_stiffness_N_per_m.value_or(scene_.tracking_wall.stiffness_N_per_m);
   insertion_ = std::move(in);
 }
 
-// the excess of force that rounding may reverse; more once the cone limited a turn (1e-12 rad per tick, §3.3)
+// the excess of force that rounding may reverse; more once the cone limited a turn (1e-12 rad per tick:
+// "Change of trajectory")
 double ReferenceEngine::undecidedBelow(const Insertion& in) {
   return in.cone_bound_ticks > 0 ? 1e-6 : 1e-9;
 }
@@ -341,7 +342,7 @@ bool ReferenceEngine::followNearSkin(Insertion& in, Geometry& g, Vec3 p, double 
       return norm(side) > 1e-9 ? turned(from, side, angle) : from;
     };
     u = toward(u, entryDirection(axis, in.normal));
-    // "u0 turns toward u", and "a turn of u0 that increases θ increases θ_l by the same amount"
+    // "and then u0 as fast toward u"; "A turn of u0 … that increases θ increases θ_l by the same amount."
     const double theta_before = angleBetween(axis, in.u0);
     in.u0 = toward(in.u0, u);
     in.tilt_limit += std::max(0.0, angleBetween(axis, in.u0) - theta_before);
@@ -394,7 +395,7 @@ void ReferenceEngine::followMembranes(Insertion& in, const Geometry& g, double d
     Membrane& membrane = in.membranes[i];
     if (!membrane.met || membrane.ruptured || planted_ == Defect::kMembranesSlide) continue;  // planted
     const double z = g.x - membrane.place_m;
-    // "its z is brought between 0 and how far the tip is beyond the top"
+    // "z is brought between 0 and (δ − top)/c"
     membrane.place_m = g.x - std::min(std::max(z, std::min(0.0, beyond(i))), std::max(0.0, beyond(i)));
   }
   for (double* wall : {&in.wall, &in.friction_wall})
@@ -410,7 +411,7 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis) {
   if (planted_ == Defect::kTurnsFreely) beta = 0;          // planted
   const double beyond = std::atan2(e, g.x) - beta;
   if (std::abs(beyond) * g.d_t * g.k < undecidedBelow(in)) undecided_ |= kFlagTurn;
-  // "m … moves toward the axis by 1 − e^(−T/50 ms) of what is left"
+  // "in each tick, before all else here, m ← m + (1 − e^(−T/50 ms))·(axis − m)"
   in.aim = in.aim + (axis - in.aim) * (1 - std::exp(-period_s_ / 0.05));
   if (!(beyond > 0 && g.x > 0)) return false;
   const Vec3 m = planted_ == Defect::kTurnsPastAxis ? in.u + g.e / e : in.aim;  // planted
@@ -475,7 +476,7 @@ Vec3 ReferenceEngine::clamp(Insertion& in, const Geometry& g, StepReport& out) {
   return total;
 }
 
-// §3.1: v = (x_k − x_{k−j})/(jT), j = min(100 ms in ticks, k − k_entry + 1)
+// "Contact": "v = (x_k − x_{k−j})/(j·T) with j = min(100 ms in ticks, k − k_entry + 1)"
 double ReferenceEngine::speed(Insertion& in, double x) const {
   in.x_past.push_back(x);
   const auto since = static_cast<std::int64_t>(in.x_past.size()) - 1;          // k − k_entry + 1
@@ -484,12 +485,12 @@ double ReferenceEngine::speed(Insertion& in, double x) const {
   return (x - in.x_past[static_cast<std::size_t>(since - j)]) / (static_cast<double>(j) * period_s_);
 }
 
-// §3.5 Puncture: places, then ruptures; gives x_c
+// "Puncture": places, then ruptures; gives x_c
 double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double depth, bool entry,
                                       StepReport& out) const {
   if (!live(Effect::kPuncture)) return g.x;
-  // "at the first tick with δ ≥ top in this insertion: the x interpolated by δ between the tick before and
-  // this one (at the entry tick between P0, with x = 0 and δ = 0, and the tip)"
+  // "in the first tick of the insertion with δ ≥ top: x interpolated by δ between the tick before and this
+  // one; in the entry tick between P0 (x = 0, δ = 0) and the tip"
   const double x_before = entry ? 0.0 : in.x_past[in.x_past.size() - 2];
   const double depth_before = entry ? 0.0 : in.depth_past;
   for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
@@ -499,7 +500,7 @@ double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double d
         x_before + (g.x - x_before) * ((topOf(i) - depth_before) / (depth - depth_before));
   }
 
-  // "x_c = min(x, s of the unruptured membranes already met)"
+  // "x_c = min(x, s of all intact membranes already met)"
   const auto cutPosition = [&] {
     double x_c = g.x;
     for (const auto& membrane : in.membranes)
@@ -516,11 +517,12 @@ double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double d
       out.flags |= kFlagRupture;
     }
   }
-  // "When ruptures change x_c, w and w_f move by that change, so that their forces do not jump."
+  // "When ruptures change x_c, w and w_f move with it, so that their forces do not jump."
   const double x_c = cutPosition();
   in.wall += x_c - x_c_held;
   in.friction_wall += x_c - x_c_held;
-  // "Where x > x_c a wall ahead of x_c falls back by the way in beyond it, as far as x_c"
+  // "Where then x > x_c, a wall ahead of x_c (it pulls) falls back by the way in beyond x_c since the last
+  // tick, as far as x_c"
   if (g.x > x_c && planted_ != Defect::kMembranePulls)  // planted
     for (double* wall : {&in.wall, &in.friction_wall})
       if (*wall > x_c) *wall = std::max(x_c, *wall - std::max(0.0, g.x - std::max(x_before, x_c)));
@@ -574,8 +576,8 @@ void ReferenceEngine::axial(Insertion& in, double depth, double x_c, StepReport&
   if (stretch < 0 && live(Effect::kAttracted)) out.attracted_N = -stiffness * stretch;
 }
 
-// §3.5 Shaft friction: "a second tracking wall with K_f and Δ_f = (∫₀^{d_t} friction ds)/K_f both ways; no
-// stop"
+// "Shaft friction": "with the spring K_f and the same reach in both directions: Δ_f = (∫₀^{d_t} friction
+// ds)/K_f"; "In a stop it relaxes as the tracking wall does, … before the reach is applied"
 void ReferenceEngine::friction(Insertion& in, const Geometry& g, double x_c, StepReport& out) const {
   if (!live(Effect::kShaftFriction)) return;
   const double stiffness = scene_.friction_stiffness_N_per_m;
@@ -592,7 +594,8 @@ void ReferenceEngine::friction(Insertion& in, const Geometry& g, double x_c, Ste
   out.friction_N = -stiffness * (x_c - in.friction_wall);
 }
 
-// §3.5 Puncture: "Until it ruptures, with z = x − s > 0: force −(k1 z + k2 z²) … Membranes add; along u."
+// "Puncture": "Until it ruptures, with z = x − s > 0, its force along u is −(k1·z + k2·z²). The forces of
+// several membranes add."
 void ReferenceEngine::puncture(const Insertion& in, const Geometry& g, StepReport& out) const {
   if (!live(Effect::kPuncture)) return;
   for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
@@ -638,7 +641,8 @@ double ReferenceEngine::remember(Insertion& in, const Geometry& g, double x_c, b
   return out.cutting_N + out.puncture_N - before;
 }
 
-// §3.4: θ_l ← max(α(d_t), min(θ_l, θ)); torque min(k_θ (θ − θ_l), τ_max) about the unit vector of axis × u0
+// "Orientation limit": "θ_l ← max(α(d_t), min(θ_l, θ)). For θ > θ_l the torque is min(k_θ(θ − θ_l), τ_max)
+// about the unit vector along axis × u0"
 void ReferenceEngine::tilt(Insertion& in, const Geometry& g, Vec3 axis, StepReport& out) {
   const double theta = angleBetween(axis, in.u0);
   in.tilt_limit = std::max(cone(g.d_t), std::min(in.tilt_limit, theta));

@@ -1,5 +1,16 @@
 /// The engine's independent judge: a slow, literal transcription of common/haptics/FORCE_MODEL.md, written
 /// from the text alone.
+///
+/// Where page and code once agreed by habit: a second reader of the paper found that page and engine had left
+/// the paper, or each other, together, so that agreeing proved nothing.
+/// - u turned toward p − P0, instead of following the needle's axis.
+/// - The freedom to re-aim had a peak at 10 mm: f_turn was a line in d, k a curve.
+/// - The tilt was limited from u, so it was 2α in all.
+/// - Friction's wall had no stop; a rest after a withdrawal pulled in; crosswise movement counted as rest.
+/// - The end of a cut had no floor. On bone, friction's wall counted where SHAFT_FRICTION was not live.
+/// - H jumped from h to δ past the middle of a round limb.
+/// - A membrane slid along with the needle under the skin, and a new hole was free.
+/// - The stiffnesses of tissue and membrane were added.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +32,8 @@ class ReferenceEngine {
  public:
   ReferenceEngine(SceneSpec scene, double rate_hz, Defect planted = Defect::kNone);
 
-  /// One tick (FORCE_MODEL.md: contact → trajectory and clamping → speed → membranes → axial → friction →
-  /// puncture → orientation limit → sum). Fills every field of the report as the header describes it.
+  /// One tick, in FORCE_MODEL.md's "Order of a tick"; but the orientation limit comes after the forces, none
+  /// of which changes what it needs. Fills every field of the report as the header describes it.
   StepReport step(const TipSample& sample);
 
   /// The trajectory's direction, while inside.
@@ -31,9 +42,9 @@ class ReferenceEngine {
   [[nodiscard]] std::optional<double> slant() const;
   /// θ_l, while inside.
   [[nodiscard]] std::optional<double> tiltLimit() const;
-  /// The flags of the last tick that depend on a comparison decided by rounding (k|e| with f_turn and f_max,
-  /// P0's path near the skin, for the turn and for the cap; the sum with max_force_n; room left on the cone;
-  /// θ with θ_l): another rounding of the same numbers may set them differently, with the same forces.
+  /// The flags of the last tick that depend on a comparison decided by rounding (β, P0's way near the
+  /// skin and room left on the cone, for the turn; k|e| with f_max; the sum with max_force_n; θ with θ_l):
+  /// another rounding of the same numbers may set them differently, with the same forces.
   [[nodiscard]] std::uint32_t undecidedFlags() const { return undecided_; }
   /// Ticks of this insertion whose turn the cone limited: FORCE_MODEL.md ("Change of trajectory") lets each
   /// of them be off by 1e-12 rad.

@@ -35,7 +35,7 @@ std::size_t ReferenceModel::layerAt(double depth_m) const {
   return layer;
 }
 
-// §3.6 STATISTICAL: log-normal with the table's mean and sd at this depth
+// "Axial models", STATISTICAL: log-normal with the table's mean and sd at this depth
 double ReferenceModel::statisticalTarget(double depth_m) const {
   const StatisticalSpec& spec = scene_.statistical;
   using Row = StatisticalSpec::Row;
@@ -49,7 +49,7 @@ double ReferenceModel::statisticalTarget(double depth_m) const {
   return std::exp(std::log(mean) - variance / 2 + std::sqrt(variance) * score);
 }
 
-// §3.2 with the model's own stretches
+// "Tracking wall" with the model's own stretches
 ModelForce ReferenceModel::wall(const ModelTick& tick, double cut_m, double attracted_m) {
   const double stiffness = scene_.tracking_wall.stiffness_N_per_m;
   const double rejection_m = scene_.layers[layerAt(tick.depth_m)].rejection_force_N / stiffness;
@@ -63,7 +63,7 @@ ModelForce ReferenceModel::wall(const ModelTick& tick, double cut_m, double attr
   return out;
 }
 
-// §3.6: "−K·max(0, x) up to the layer's cutting force when step_at_layers, else without end"
+// "Axial models", DIRECT: "−K·max(0, x); with step_at_layers at most the layer's cutting force"
 ModelForce ReferenceModel::direct(const ModelTick& tick) const {
   double pressed = scene_.direct.stiffness_N_per_m * std::max(0.0, tick.x_m);
   if (scene_.direct.step_at_layers)
@@ -73,7 +73,8 @@ ModelForce ReferenceModel::direct(const ModelTick& tick) const {
   return out;
 }
 
-// §3.6: "min(0, −K x − B ẋ), ẋ by a one-tick difference", the tick before moved by the turn, 0 before entry
+// "Axial models", VOIGT: "min(0, −K·x − B·ẋ), ẋ the difference over one tick", the tick before moved by the
+// turn, 0 before entry
 ModelForce ReferenceModel::voigt(const ModelTick& tick) const {
   const double rate = (tick.x_m - (x_past_ + tick.moved_m)) * rate_hz_;
   ModelForce out;
@@ -82,7 +83,8 @@ ModelForce ReferenceModel::voigt(const ModelTick& tick) const {
   return out;
 }
 
-// the places where the tip first reached tops: "the x interpolated by δ between the tick before and this one"
+// the places where the tip first reached tops, like those of "Puncture": "x interpolated by δ between the
+// tick before and this one"
 void ReferenceModel::meetTops(const ModelTick& tick) {
   const double x_before = tick.entry ? 0 : x_past_ + tick.moved_m;
   const double depth_before = tick.entry ? 0 : depth_past_;
@@ -92,8 +94,8 @@ void ReferenceModel::meetTops(const ModelTick& tick) {
   }
 }
 
-// §3.6: "a proxy on the top of the layer being met: −K (x − x_proxy); when that exceeds the layer's cutting
-// force the proxy is let through and goes with the tip to the next top"
+// "Axial models", GOD_OBJECT: "−K·(x − x_proxy): the proxy stays on the top of the layer that the tip meets;
+// a force above that layer's cutting force lets it through, and it moves with the tip to the next top"
 ModelForce ReferenceModel::godObject(const ModelTick& tick) {
   meetTops(tick);
   if (tick.entry) {
@@ -114,7 +116,7 @@ ModelForce ReferenceModel::godObject(const ModelTick& tick) {
   }
 }
 
-// §3.5: x_c, beyond which nothing is cut or rubbed
+// x_c of "Puncture", beyond which nothing is cut or rubbed
 double ReferenceModel::openTo(double x_m) const {
   double x_c = x_m;
   for (const Top& top : tops_)
@@ -149,8 +151,8 @@ double ReferenceModel::cutTo(double x_c, double depth_m, const Cutting& cutting_
   return -K_t * (x_c - wall_);
 }
 
-// §3.6: "per layer: linear stiffness up to its puncture force, then constant cutting and friction per
-// inserted length by a dragged wall"
+// "Axial models", FIRST_ORDER: "in each layer a linear stiffness up to its puncture force; then constant
+// cutting, and friction per inserted length by a dragged wall"
 ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
   meetTops(tick);
   const double held_at = openTo(tick.x_m);
@@ -173,8 +175,8 @@ ModelForce ReferenceModel::firstOrder(const ModelTick& tick) {
   return out;
 }
 
-// §3.6 OKAMURA: Karnopp's maximum friction. At rest static; in motion kinetic and viscous, plus the excess of
-// static friction at the speed where motion begins, minus K_f times the distance since
+// "Axial models", OKAMURA: Karnopp's maximum friction. At rest static; in motion kinetic and viscous, plus
+// the excess of static friction at the speed where motion begins, minus K_f times the distance since
 double ReferenceModel::karnopp(const ModelTick& tick, double slid_m, double kinetic_N, double static_N,
                                double viscous_N_per_mps) const {
   const double speed = std::abs(tick.speed_mps), rest = scene_.tracking_wall.stop_speed_mps;
@@ -184,8 +186,8 @@ double ReferenceModel::karnopp(const ModelTick& tick, double slid_m, double kine
   return kinetic_N + viscous_N_per_mps * speed + std::max(0.0, left);
 }
 
-// §3.6 OKAMURA, DAHL: in each layer a quadratic stiffness up to its puncture force; then constant cutting,
-// and friction of the length by a spring, whose length changes with the motion relative to the tissue
+// "Axial models", OKAMURA and DAHL: in each layer a quadratic stiffness up to its puncture force; then
+// constant cutting, and friction of the inserted length by a spring that follows x_c
 ModelForce ReferenceModel::threeForces(const ModelTick& tick) {
   const double came_from = openTo(tick.entry ? 0 : x_past_ + tick.moved_m);
   meetTops(tick);
@@ -252,7 +254,7 @@ ModelForce ReferenceModel::step(const ModelTick& tick) {
     stop_.emplace(scene_.tracking_wall, rate_hz_, lists(Effect::kCutting) || lists(Effect::kAttracted));
     tops_.clear();
   }
-  // "w, the friction wall, the membranes' places and the kept past values of x move by x_new − x_old"
+  // "w, the friction wall, the places of membranes and the remembered values of x … move by x_new − x_old"
   wall_ += tick.moved_m;
   friction_wall_ += tick.moved_m;
   if (tick.entry) wall_ = friction_wall_ = std::min(0.0, tick.x_m);

@@ -22,7 +22,7 @@ void ReferenceStop::move(double by_m) {
   hi_ += by_m;
 }
 
-// "it ends if |v| ≥ 2·v_stop, or if |z| ≥ z_min + 0.6 mm"; elsewhere the band
+// "it ends if |v| ≥ 2·v_stop, … or if |z| ≥ z_min + 0.6 mm"; elsewhere the band
 bool ReferenceStop::ends(double x_m, double z_m, double speed_mps, bool left_band) const {
   const double speeds = planted_ == Defect::kNoStopHysteresis ? 1 : 2;  // planted: the first
   if (std::abs(speed_mps) >= speeds * spec_.stop_speed_mps) return true;

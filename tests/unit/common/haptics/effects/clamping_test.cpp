@@ -243,8 +243,8 @@ TEST(Clamping, theConeHoldsTheTurnBack) {
   EXPECT_TRUE(bound) << "the test must get to the cone";
 }
 
-// §3.3: "w, the friction wall, the membranes' places and the kept past values of x move …, so that no force
-// jumps"
+// "Change of trajectory": "w, the friction wall, the places of membranes and the remembered values of x …
+// move by x_new − x_old, so that no force jumps."
 TEST(Clamping, aTurnMakesNoForceJump) {
   SceneSpec scene = allEffects();
   scene.virtual_fixture.max_force_N = 0.5;

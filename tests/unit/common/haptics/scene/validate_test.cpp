@@ -133,7 +133,8 @@ TEST(Validate, layersAreOneToThirtyTwo) {
   EXPECT_TRUE(validate(scene).ok());
 }
 
-// §4: "rejection ≤ min(cutting, attracted where live, else cutting)"
+// db/samples/README.md: "A layer's rejection force is at most its cutting force, and at most its attracted
+// force if attraction is active."
 TEST(Validate, rejectionIsAtMostWhatTheWallCanHold) {
   SceneSpec scene = paperSixLayers();  // attracted 0.4 everywhere
   scene.layers[3].rejection_force_N = 0.41;
