@@ -12,7 +12,8 @@
 namespace needlelab {
 namespace {
 
-/// Where the orientation is not measured: from this inserted length on the axis is the line from P0 to the tip.
+/// Where the orientation is not measured: from this inserted length on the axis is the line from P0 to the
+/// tip.
 constexpr double kPointsFrom_m = 2e-3;
 
 // returns the shortest rotation from +z to `axis`, which must not be near −z

@@ -21,8 +21,8 @@ namespace needlelab {
 /// for the directions of the axes of W.
 Quat rotationOfAxis(Vec3 axis) noexcept;
 
-/// Assumes a needle perpendicular to the skin, which then points where it goes. Outside the tissue its axis is
-/// the inward normal at the nearest point of the limb; at the entry it is the inward normal at P0 as the
+/// Assumes a needle perpendicular to the skin, which then points where it goes. Outside the tissue its axis
+/// is the inward normal at the nearest point of the limb; at the entry it is the inward normal at P0 as the
 /// engine computes it, so the engine's u is −n. It stays so until the needle is 2 mm in; from there on it is
 /// the line from P0 to the tip. (Closer to P0 a tip's noise of 60 µm is more than 2°.) Thread: one. Real-time
 /// safe.

@@ -91,9 +91,9 @@ class SceneModel {
   double relax_share = 0;          ///< 1 − e^(−T/relax_time)
   double max_turn_rad = 0;         ///< 2 rad/s·T
   FixtureSteepness fixture_steepness;
-  double fixture_push = 0;        ///< ½ for a CONSERVATIVE fixture, 0 for a PROPORTIONAL one
-  double lay_again_m = 0;         ///< d_t up to which a turn lays the layers along u again
-  double aim_share = 0;           ///< 1 − e^(−T/kAimTime_s)
+  double fixture_push = 0;  ///< ½ for a CONSERVATIVE fixture, 0 for a PROPORTIONAL one
+  double lay_again_m = 0;   ///< d_t up to which a turn lays the layers along u again
+  double aim_share = 0;     ///< 1 − e^(−T/kAimTime_s)
   TrackingWallSpec wall;
   VirtualFixtureSpec fixture;
   OrientationLimitSpec orientation;

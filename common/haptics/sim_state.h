@@ -149,15 +149,15 @@ struct SimState {
   bool in_limb = false;       ///< … and the tip is in the limb: not through it
   bool past_middle = false;   ///< … and it was past the line's deepest place, and is not back on P0's side
   Phase phase = Phase::kFree;
-  Vec3 p_entry_W_m;                ///< P0
-  Vec3 p_hole_W_m;                 ///< where the skin was pierced
-  Vec3 normal_W;                   ///< n at P0, out of the tissue
-  Vec3 u_W;                        ///< the trajectory's direction, a unit vector
-  Vec3 u0_W;                       ///< u at entry; near the skin it follows u
-  Vec3 aim_W;                      ///< the needle's axis with a lag, up to which u may turn; not a unit vector
-  double slant = 1;                ///< c = max(0.05, −n·u)
-  double inverse_slant = 1;        ///< 1/c
-  std::uint32_t layer = 0;         ///< by δ
+  Vec3 p_entry_W_m;          ///< P0
+  Vec3 p_hole_W_m;           ///< where the skin was pierced
+  Vec3 normal_W;             ///< n at P0, out of the tissue
+  Vec3 u_W;                  ///< the trajectory's direction, a unit vector
+  Vec3 u0_W;                 ///< u at entry; near the skin it follows u
+  Vec3 aim_W;                ///< the needle's axis with a lag, up to which u may turn; not a unit vector
+  double slant = 1;          ///< c = max(0.05, −n·u)
+  double inverse_slant = 1;  ///< 1/c
+  std::uint32_t layer = 0;   ///< by δ
   std::uint32_t line_changes = 0;  ///< how often P0 or u was set; not part of the hash
   LayersAlong along;               ///< the layers along u, for the integrals over the inserted length
 
@@ -178,8 +178,8 @@ struct SimState {
   bool moves_in = true;         ///< the direction in which it last left a band
   bool armed = false;           ///< it has moved fast since the last stop
   bool stopped = false;
-  double stop_least_m = 0;       ///< the least |z| of this stop
-  Vec3 across_from_W_m;          ///< slow: from here the needle has gone less than the band across its line …
+  double stop_least_m = 0;  ///< the least |z| of this stop
+  Vec3 across_from_W_m;     ///< slow: from here the needle has gone less than the band across its line …
   std::uint64_t across_tick = 0;  ///< … since this `ticks_inside`
   Relaxation wall_rest, friction_rest;
 

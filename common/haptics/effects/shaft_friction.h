@@ -33,8 +33,8 @@ struct ShaftFrictionStep {
                                              bool stop_begins, StepReport& report) {
     if constexpr (!kLive) return 0.0;
     if (state.stopped)
-      state.friction_wall_m = relaxedWall(model, state.friction_rest, state.friction_wall_m, tick.x_cut_m,
-                                          0.0, stop_begins);
+      state.friction_wall_m =
+          relaxedWall(model, state.friction_rest, state.friction_wall_m, tick.x_cut_m, 0.0, stop_begins);
     return applyShaftFriction(model, state, tick, report);
   }
 };

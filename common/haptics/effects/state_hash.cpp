@@ -24,7 +24,8 @@ std::uint64_t hashOf(const SimState& state) {
   assert(state.membranes_met <= kMaxLayers && state.tops_met <= kMaxLayers);
   assert(state.needle.stations <= kMaxNeedleStations && state.cuts.count <= kMaxCutTracks);
   hash.add(static_cast<std::uint64_t>(state.phase));
-  for (const Vec3 v : {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W, state.aim_W, state.p_hole_W_m})
+  for (const Vec3 v :
+       {state.p_entry_W_m, state.normal_W, state.u_W, state.u0_W, state.aim_W, state.p_hole_W_m})
     hash.add(v);
   hash.add(state.slant);
   hash.add(std::uint64_t{state.layer});
@@ -42,9 +43,8 @@ std::uint64_t hashOf(const SimState& state) {
     hash.add(rest.ramp_ticks);
     for (const double d : {rest.step_m, rest.way_m, rest.stretch_m}) hash.add(d);
   }
-  for (const double d :
-       {state.wall_stiffness_N_per_m, state.band_low_m, state.band_high_m, state.stop_least_m,
-        state.friction_wall_m})
+  for (const double d : {state.wall_stiffness_N_per_m, state.band_low_m, state.band_high_m,
+                         state.stop_least_m, state.friction_wall_m})
     hash.add(d);
   hash.add(std::uint64_t{state.tilt_limit_is_cone});
   hash.add(state.tilt_limit_rad);

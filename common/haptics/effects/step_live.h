@@ -144,8 +144,8 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   [[maybe_unused]] const double membranes_N = membranes.apply(model, state, tick, entry, report);
 
   // stop and phase, after ruptures have moved the wall
-  [[maybe_unused]] const bool stop_begins = updatePhase < kActs && relaxes<Axial>() >
-                                          (model, state, sample.p_WT_m, tick);
+  [[maybe_unused]] const bool stop_begins =
+      updatePhase < kActs && relaxes<Axial>() > (model, state, sample.p_WT_m, tick);
 
   // forces along u: axial, friction, puncture
   double along_N = 0.0;
@@ -162,7 +162,8 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
     report.p_wall_W_m = state.p_entry_W_m + state.u_W * state.wall_m;
   else
     report.p_wall_W_m = {kNoNumber, kNoNumber, kNoNumber};
-  if constexpr (live(Effect::kShaftFriction)) along_N += friction.apply(model, state, tick, stop_begins, report);
+  if constexpr (live(Effect::kShaftFriction))
+    along_N += friction.apply(model, state, tick, stop_begins, report);
   if constexpr (live(Effect::kPuncture)) along_N += membranes_N;
 
   assert(!(report.cutting_N > 0.0) && !(report.attracted_N < 0.0));

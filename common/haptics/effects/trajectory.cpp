@@ -428,7 +428,8 @@ bool turnTrajectory(const SceneModel& model, const TipSample& sample, SimState& 
   const double share = tick.x_m / (tick.x_m + state.bone.held_m);
   const double beyond_rad =
       detAtan2(tick.lateral_m, tick.x_m) - detAtan2(turnTangent(model, tick.insertion_m), 1.0);
-  double angle = std::min({beyond_rad * share, detAtan2(aside, dot(state.aim_W, state.u_W)), model.max_turn_rad});
+  double angle =
+      std::min({beyond_rad * share, detAtan2(aside, dot(state.aim_W, state.u_W)), model.max_turn_rad});
   // the cone of the paper's Fig. 4: ∠(u, u0) ≤ max(α(d_t), ∠(u, u0) before)
   const double before_rad = angleBetween(state.u_W, state.u0_W);
   const double limit_rad =

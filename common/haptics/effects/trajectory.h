@@ -28,15 +28,15 @@ inline constexpr double kHoleWidth_m = 1e-3;
 
 /// Up to this d_t (or a quarter of the needle's length, if less) a turn lays the layers along u again.
 inline constexpr double kLayAgain_m = 5e-3;
-/// u turns no farther than the needle's axis was pointing this time ago: noise in the measured axis would turn
-/// it bit by bit.
+/// u turns no farther than the needle's axis was pointing this time ago: noise in the measured axis would
+/// turn it bit by bit.
 inline constexpr double kAimTime_s = 0.05;
 
 /// tan β at the skin, far above rounding.
 inline constexpr double kLeastTurnTangent = 1e-4;
 
-/// tan β: the tip is held up to the angle β from u, and a tip further aside turns u. (d_t/L)² is tan²(45° − α)
-/// of the paper's cone α: what the cone takes from the freedom to re-aim, squared. At most 45°.
+/// tan β: the tip is held up to the angle β from u, and a tip further aside turns u. (d_t/L)² is tan²(45° −
+/// α) of the paper's cone α: what the cone takes from the freedom to re-aim, squared. At most 45°.
 [[gnu::always_inline]] inline double turnTangent(const SceneModel& model, double insertion_m) {
   return std::min(1.0, kLeastTurnTangent + insertion_m * insertion_m * model.inverse_needle_squared_per_m2);
 }

@@ -95,9 +95,9 @@ void compileTurn(SceneModel& model) {
   model.inverse_needle_squared_per_m2 = 1.0 / (model.needle_length_m * model.needle_length_m);
 }
 
-// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a tip that is aside by no more than the cone
-// α, or than u holds it (β), and where U is not linear yet. s = e/d and c are the sine and cosine of the angle
-// between p − P0 and u
+// the second derivatives of U = ½ k(d) e², with d = |p − P0|, for a tip that is aside by no more than the
+// cone α, or than u holds it (β), and where U is not linear yet. s = e/d and c are the sine and cosine of the
+// angle between p − P0 and u
 FixtureSteepness steepnessOf(const SceneModel& model) {
   if (!model.isLive(Effect::kClamping)) return {};
   FixtureSteepness steepest{model.fixture.max_stiffness_N_per_m, 0.0};

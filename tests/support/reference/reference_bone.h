@@ -43,8 +43,8 @@ struct BoneTissue {
 /// The forces with which the tissue of a tick that felt the tip at p − u·h pushes out, before BONE lowers
 /// them. Places and forces along u; a force that pushes out is positive.
 struct BonePushes {
-  double x_m = 0;       ///< of the place it feels
-  double turned_m = 0;  ///< how far this tick's turn moved all remembered x
+  double x_m = 0;         ///< of the place it feels
+  double turned_m = 0;    ///< how far this tick's turn moved all remembered x
   bool ruptured = false;  ///< in this tick
   double wall_m = 0, wall_N_per_m = 0;
   double friction_wall_m = 0, friction_N_per_m = 0;

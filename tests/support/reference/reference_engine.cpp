@@ -312,8 +312,7 @@ Vec3 ReferenceEngine::entryDirection(Vec3 axis, Vec3 normal) const {
 }
 
 // "all lengths along u move as in a turn, so that no force along u jumps"
-void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u,
-                               Vec3 p) const {
+void ReferenceEngine::moveLine(Insertion& in, Geometry& g, Vec3 p_entry, Vec3 normal, Vec3 u, Vec3 p) const {
   const double x_old = g.x;
   in.p_entry = p_entry;
   in.normal = normal;
@@ -415,7 +414,7 @@ bool ReferenceEngine::turn(Insertion& in, Geometry& g, Vec3 p, Vec3 axis) {
   in.aim = in.aim + (axis - in.aim) * (1 - std::exp(-period_s_ / 0.05));
   if (!(beyond > 0 && g.x > 0)) return false;
   const Vec3 m = planted_ == Defect::kTurnsPastAxis ? in.u + g.e / e : in.aim;  // planted
-  if (!(dot(m, g.e) > 0)) return false;  // "m·y > 0"
+  if (!(dot(m, g.e) > 0)) return false;                                         // "m·y > 0"
   // the least of: the angle after which the tip is at β; the one to m; 2 rad/s·T; the cone's
   double angle = std::min({beyond, std::atan2(dot(m, g.e / e), dot(m, in.u)), 2.0 * period_s_});
   const double limit = std::max(cone(g.d_t), angleBetween(in.u, in.u0));

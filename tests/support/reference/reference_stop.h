@@ -18,7 +18,7 @@ enum class Defect : std::uint8_t {
   kRampWithoutCap,    ///< stop: the wall may move faster than 1.5·v_stop
   kShortSpeedWindow,  ///< v over 20 ms instead of 100 ms
   kNoStopHysteresis,  ///< a stop ends at v_stop instead of 2·v_stop
-  kRestsAcross,   ///< crosswise movement counts as rest
+  kRestsAcross,       ///< crosswise movement counts as rest
   kCreepThrough,  ///< the wall follows a slow needle through the whole stop, which the stretch does not end
   kEndsByWay,     ///< a stop ends after 0.4 mm of travel
   kAttractedNotFaded,  ///< Δ_att = f_att/K_t up to the exit

@@ -170,8 +170,9 @@ void judgeLimits(const DeviceFacts& f, std::vector<Check>& checks) {
                       "for lessons with force use another --device"});
   }
   if (!i.has_orientation)
-    checks.push_back({"orientation", Verdict::kWarning, "the device does not report how its handle is turned",
-                      "", "the needle enters along the skin's inward normal and points where its tip goes; nothing to do"});
+    checks.push_back(
+        {"orientation", Verdict::kWarning, "the device does not report how its handle is turned", "",
+         "the needle enters along the skin's inward normal and points where its tip goes; nothing to do"});
   if (f.hardware && i.has_orientation)
     checks.push_back(f.tool_given
                          ? Check{"tool", Verdict::kOk, "given with --tool", "", ""}
