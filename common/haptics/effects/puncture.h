@@ -36,8 +36,8 @@ inline double membranesForce(const SceneModel& model, const SimState& state, dou
 }
 
 /// Updates the places of membranes that the tip reaches, ruptures, and x_c. Returns the membranes' force
-/// along u (never positive). `x_before_m`, `depth_before_m`: the previous tick; 0 and 0 (P0) at the entry
-/// tick.
+/// along u (never positive). `x_before_m`, `depth_before_m`: the previous tick; at the entry tick where the
+/// walls begin (0, if the line has not moved) and 0.
 [[gnu::always_inline]] inline double applyMembranes(const SceneModel& model, SimState& state, Tick& tick,
                                                     double x_before_m, double depth_before_m,
                                                     StepReport& report) {
@@ -92,7 +92,8 @@ struct PunctureStep {
   /// Runs before the tick's own position enters the history.
   [[gnu::always_inline]] void rememberPlace(const SceneModel& model, const SimState& state, bool entry) {
     if constexpr (kLive)
-      if (!entry) x_before_m = state.x_history_m[state.ticks_inside & model.history_mask] + state.x_shift_m;
+      x_before_m = entry ? std::max(0.0, state.wall_m)
+                         : state.x_history_m[state.ticks_inside & model.history_mask] + state.x_shift_m;
   }
   [[gnu::always_inline]] double apply(const SceneModel& model, SimState& state, Tick& tick, bool entry,
                                       StepReport& report) const {

@@ -47,8 +47,11 @@ void moveLine(const SceneModel& model, const TipSample& sample, SimState& state,
   const double shift_m = tick.x_m - x_before_m;
   state.wall_m += shift_m;
   state.friction_wall_m += shift_m;
-  // at an entry, membranes have no places yet: the walls begin at the line's current place
-  if (state.ticks_inside == 0) state.wall_m = state.friction_wall_m = std::min(0.0, tick.x_m);
+  // at an entry the springs are stretched by the tip's own way in the tissue, not by that of P0
+  if (state.ticks_inside == 0) {
+    const double way_m = dot(u_W, sample.p_WT_m - state.p_hole_W_m);
+    state.wall_m = state.friction_wall_m = tick.x_m - std::max(0.0, std::min(tick.x_m, way_m));
+  }
   state.x_shift_m += shift_m;
   for (std::uint32_t i = 0; i < state.membranes_met; ++i) state.membrane_place_m[i] += shift_m;
 }
@@ -409,7 +412,8 @@ Follow followNearSkin(const SceneModel& model, const TipSample& sample, Tick tic
   moveLine(model, sample, state, p_entry, normal, u, tick);
   if (!same_layers) layLayers(model, state.p_entry_W_m, state.u_W, state.slant, state.along);
   if (far && model.isLive(Effect::kPuncture)) {
-    if (!deep && normSquared(state.p_entry_W_m - state.p_hole_W_m) > kHoleWidth_m * kHoleWidth_m)
+    const bool entry = state.ticks_inside == 0;
+    if (!deep && !entry && normSquared(state.p_entry_W_m - state.p_hole_W_m) > kHoleWidth_m * kHoleWidth_m)
       pierceAgain(model, tick, state);
     keepAtLayers(model, tick, state);
   }

@@ -118,7 +118,6 @@ void ReferenceCutMemory::record(const CutTick& tick, double end) {
     own_ = placeFor(tick);
     tracks_[*own_].length = 0;
     tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
-    tracks_[*own_].p_entry_W_m = tick.p_entry_W_m;
     tracks_[*own_].v_W = tick.u_W;
   }
   Track& own = tracks_[*own_];

@@ -225,7 +225,8 @@ StepReport ReferenceEngine::step(const TipSample& sample) {
     in.turned_by = 0;
     if (followNearSkin(in, g, p, depth, axis)) out.flags |= kFlagTurn;
     if (turn(in, g, p, axis)) out.flags |= kFlagTurn;
-    if (entry) in.wall = in.friction_wall = std::min(0.0, g.x);
+    // "stretched by the tip's own way, u·(p − the place of entry)"
+    if (entry) in.wall = in.friction_wall = g.x - std::max(0.0, std::min(g.x, dot(in.u, p - in.hole)));
     const Vec3 clamping = clamp(in, g, out);
 
     const double v = speed(in, g.x);
@@ -379,7 +380,8 @@ void ReferenceEngine::followMembranes(Insertion& in, const Geometry& g, double d
     return x_c;
   };
   const auto beyond = [&](std::size_t i) { return (depth - topOf(i)) / slantOf(in.normal, in.u); };
-  const bool new_hole = near_skin && norm(in.p_entry - in.hole) > 1e-3;
+  const bool entry = in.x_past.size() == 1;
+  const bool new_hole = near_skin && !entry && norm(in.p_entry - in.hole) > 1e-3;
   if (new_hole) {
     for (std::size_t i = 0; i < in.membranes.size(); ++i) {
       if (!in.membranes[i].ruptured) continue;
@@ -490,7 +492,7 @@ double ReferenceEngine::meetMembranes(Insertion& in, const Geometry& g, double d
   if (!live(Effect::kPuncture)) return g.x;
   // "in the first tick of the insertion with δ ≥ top: x interpolated by δ between the tick before and this
   // one; in the entry tick between P0 (x = 0, δ = 0) and the tip"
-  const double x_before = entry ? 0.0 : in.x_past[in.x_past.size() - 2];
+  const double x_before = entry ? std::max(0.0, in.wall) : in.x_past[in.x_past.size() - 2];
   const double depth_before = entry ? 0.0 : in.depth_past;
   for (std::size_t i = 0; i < scene_.layers.size(); ++i) {
     if (!scene_.layers[i].membrane || in.membranes[i].met || depth < topOf(i)) continue;

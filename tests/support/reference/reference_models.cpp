@@ -257,7 +257,7 @@ ModelForce ReferenceModel::step(const ModelTick& tick) {
   // "w, the friction wall, the places of membranes and the remembered values of x … move by x_new − x_old"
   wall_ += tick.moved_m;
   friction_wall_ += tick.moved_m;
-  if (tick.entry) wall_ = friction_wall_ = std::min(0.0, tick.x_m);
+  if (tick.entry) wall_ = friction_wall_ = tick.x_m - std::max(0.0, std::min(tick.x_m, tick.entry_way_m));
   stop_->move(tick.moved_m);
   for (Top& top : tops_) top.place_m += tick.moved_m;
 

@@ -22,6 +22,7 @@ struct ModelTick {
   const ReferenceLayers* layers = nullptr;  ///< along u
   double speed_mps = 0;                     ///< v
   Vec3 p_W_m, u_W;                          ///< the tip, and u
+  double entry_way_m = 0;                   ///< at entry: u·(p − the place of entry)
 };
 
 /// Along u, signed.

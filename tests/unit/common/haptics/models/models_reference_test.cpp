@@ -41,6 +41,7 @@ Worst compare(const SceneSpec& scene, double rate_hz, const Motion& motion) {
       entry_before = p_past + (sample.p_WT_m - p_past) * (depth_past / (depth_past - r.depth_m));
     }
     tick.x_m = dot(state.u_W, arm);
+    tick.entry_way_m = dot(state.u_W, sample.p_WT_m - entry_before);
     tick.moved_m = tick.x_m - dot(u_before, sample.p_WT_m - entry_before);
     tick.depth_m = r.depth_m;
     tick.slant = state.slant;
