@@ -45,8 +45,9 @@ struct FixturePull {
   LateralStiffness of = lateralStiffness(state.along, tick.insertion_m);
   double force_N = of.k_N_per_m * tick.lateral_m;
   double line_N_per_m = of.k_N_per_m, stretch_m = tick.lateral_m;
-  if (!(isWithinTurn(model, tick) && force_N <= model.fixture.max_force_N)) [[unlikely]] {
-    if (turnTrajectory(model, sample, state)) report.flags |= kFlagTurn;
+  const bool may_turn = !isWithinTurn(model, tick) && dot(state.aim_W, tick.lateral_W_m) > 0.0;
+  if (may_turn || !(force_N <= model.fixture.max_force_N)) [[unlikely]] {
+    if (may_turn && turnTrajectory(model, sample, state)) report.flags |= kFlagTurn;
     project(state, sample.p_WT_m, tick);
     of = lateralStiffness(state.along, tick.insertion_m);
     force_N = of.k_N_per_m * tick.lateral_m;

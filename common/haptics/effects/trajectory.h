@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "common/haptics/effects/line_layers.h"
 #include "common/haptics/tick.h"
 
 namespace needlelab {
@@ -18,9 +19,6 @@ inline constexpr double kFollow_m = 0.6e-3;
 inline constexpr double kHole_m = 0.05e-3;
 /// Deeper than kFollow_m, P0 may be this many times further from the line than the tip is below kFollow_m.
 inline constexpr double kSlack = 3;
-/// The fixture's k is averaged over this distance to both sides, because its push uses k′, which would jump
-/// at a boundary.
-inline constexpr double kBlend_m = 4e-3;
 /// Where δ and h differ by no more, the tip is on P0's side of a round limb.
 inline constexpr double kSameSide_m = 0.05e-3;
 /// A hole this far from where the skin was pierced is another one.
@@ -55,38 +53,6 @@ inline constexpr double kLeastTurnTangent = 1e-4;
 /// Returns u for a needle that enters with this axis: the axis, mirrored at the skin if it points out, and at
 /// most 80° from −n.
 Vec3 entryDirection(Vec3 axis_W, Vec3 normal_W) noexcept;
-
-/// The layers along a line that enters at `p_entry_W_m` along `u_W`. The fixture's k is limited to its
-/// maximum stiffness.
-void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant,
-               LayersAlong& along) noexcept;
-/// As layLayers, for a line straight in under a plane.
-void layStraight(const SceneModel& model, LayersAlong& along) noexcept;
-
-/// In a body, on a new path: lays the layers ahead of the tip of the last tick again, and keeps those behind
-/// it. The fixture's force and energy may only fall; where they would rise, layers stay as far as the fixture
-/// looks ahead.
-void relayLayers(const SceneModel& model, SimState& state) noexcept;
-
-/// Stiffness of the fixture at an inserted length.
-struct LateralStiffness {
-  double k_N_per_m = 0;       ///< ∫₀^d lateral stiffness, averaged over ±kBlend_m
-  double slope_N_per_m2 = 0;  ///< k′
-};
-
-/// Sets `stiffness_here` to the span of this inserted length.
-void findStiffness(LayersAlong& along, double insertion_m) noexcept;
-
-[[gnu::always_inline]] inline LateralStiffness lateralStiffness(LayersAlong& along, double insertion_m) {
-  const StiffnessSpan& span = along.stiffness_here;
-  if (!(insertion_m >= span.begin_m && insertion_m < span.end_m)) [[unlikely]]
-    findStiffness(along, insertion_m);
-  const double t = insertion_m - span.begin_m, bend = t * span.half_bend_N_per_m3;
-  return {span.k_N_per_m + t * (span.slope_N_per_m2 + bend), span.slope_N_per_m2 + 2.0 * bend};
-}
-
-/// The energy of the fixture: ½ k e², linear in e beyond the maximum force.
-double fixtureEnergy(const SceneModel& model, double k_N_per_m, double lateral_m) noexcept;
 
 /// A needle past the middle of a round limb has P0's skin behind it, until it is back on P0's side.
 [[gnu::always_inline]] inline void followMiddle(const SceneModel& model, const Tick& tick, SimState& state) {
