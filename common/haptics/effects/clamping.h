@@ -41,7 +41,6 @@ struct FixturePull {
 /// everything that depends on u afterwards.
 [[gnu::always_inline]] inline FixturePull applyClamping(const SceneModel& model, const TipSample& sample,
                                                         SimState& state, Tick& tick, StepReport& report) {
-  followAxis(model, sample, state);
   LateralStiffness of = lateralStiffness(state.along, tick.insertion_m);
   double force_N = of.k_N_per_m * tick.lateral_m;
   double line_N_per_m = of.k_N_per_m, stretch_m = tick.lateral_m;

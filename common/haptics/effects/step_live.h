@@ -127,10 +127,12 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
     if (follow != Follow::kStays) project(state, sample.p_WT_m, tick);
   }
   FixturePull pull;
-  if constexpr (live(Effect::kClamping))
+  if constexpr (live(Effect::kClamping)) {
+    followAxis(model, orientation.axis(sample), state);
     pull = clamping.apply(model, sample, state, tick, report);
-  else
+  } else {
     clamping.clear(report);
+  }
 
   // orientation limit, because u may have turned
   orientation.apply(model, state, tick.insertion_m, report);

@@ -40,9 +40,8 @@ inline constexpr double kLeastTurnTangent = 1e-4;
 }
 
 /// Moves the aim toward this tick's axis: a first-order lag.
-[[gnu::always_inline]] inline void followAxis(const SceneModel& model, const TipSample& sample,
-                                              SimState& state) {
-  state.aim_W = state.aim_W + (unitAxis(sample) - state.aim_W) * model.aim_share;
+[[gnu::always_inline]] inline void followAxis(const SceneModel& model, Vec3 axis_W, SimState& state) {
+  state.aim_W = state.aim_W + (axis_W - state.aim_W) * model.aim_share;
 }
 
 /// Whether the tip is within β of u.
