@@ -69,13 +69,6 @@ struct OrientationLimitStep {
       return dot(sample.q_WT, sample.q_WT);
     }
   }
-  /// The needle's axis; its length is 1 up to the quaternion's error.
-  [[gnu::always_inline]] Vec3 axis(const TipSample& sample) const {
-    if constexpr (kLive)
-      return raw.axis_W;
-    else
-      return zAxis(sample.q_WT);
-  }
   [[gnu::always_inline]] void apply(const SceneModel& model, SimState& state, double insertion_m,
                                     StepReport& report) const {
     if constexpr (kLive)

@@ -102,6 +102,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   Tick tick;
   tick.depth_m = depthIn(model, sample.p_WT_m);
   const double pose_size = orientation.readPose(sample);
+  [[maybe_unused]] const Vec3 axis_W = zAxis(sample.q_WT);
 
   // contact: quick path if the tip is in the same layer as before
   bool entry = false;
@@ -128,7 +129,7 @@ void stepLive(const SceneModel& model, const TipSample& sample, SimState& state,
   }
   FixturePull pull;
   if constexpr (live(Effect::kClamping)) {
-    followAxis(model, orientation.axis(sample), state);
+    followAxis(model, axis_W, state);
     pull = clamping.apply(model, sample, state, tick, report);
   } else {
     clamping.clear(report);
