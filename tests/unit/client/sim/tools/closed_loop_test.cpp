@@ -49,7 +49,7 @@ TEST(ClosedLoop, holdsStillInTissueWithinTheDevicesLimits) {
   SimulatedDeviceOptions options;
   options.hand.tremor_m = 0;
   PlanStyle style;
-  style.hold_s = 5;
+  style.hold_s = 15;
   SimulatedDevice device(options, insertionPlan({0, 0, 0}, {0.1, 0.05, -1}, 0.03, style));
   const auto ticks = runClosedLoop(*model, device, {}, 100'000);
   ASSERT_TRUE(ticks.ok()) << ticks.error().message;
@@ -63,8 +63,8 @@ TEST(ClosedLoop, holdsStillInTissueWithinTheDevicesLimits) {
     deepest = std::max(deepest, tick.report.insertion_m);
   }
   EXPECT_GT(deepest, 0.02);
-  // the last second of the hold: rest 0.5 s, 50 mm at 20/0.85 mm/s, 5 s; the force is steady
-  const auto in_hold = static_cast<std::size_t>((0.5 + 0.05 / 0.02 / 0.85 + 4) * kRate);
+  // the last second of the hold: rest 0.5 s, 50 mm at 20/0.85 mm/s, 15 s; the force is steady
+  const auto in_hold = static_cast<std::size_t>((0.5 + 0.05 / 0.02 / 0.85 + 14) * kRate);
   double least = 1e9, greatest = -1e9;
   for (std::size_t k = in_hold; k < in_hold + 900; ++k) {
     ASSERT_EQ((*ticks)[k].report.phase, Phase::kStopped);

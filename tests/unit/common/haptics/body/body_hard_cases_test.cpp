@@ -197,7 +197,7 @@ TEST(BodyHardCases, aTurnAtABoundaryDoesNotStepTheForce) {
     hand.to({0, 0, -0.0069}, 0.02).rest(100).to({0, 0, -0.0069 + jump_m}, 1).to({0, 0, -0.0069}, 0.02);
     for (int i = 0; i < 8; ++i) {
       const double side = i % 2 == 0 ? 1 : -1;
-      hand.turnTo({0.004 * side, 0, -0.007 - 0.0001 * i}, -20 * side * kDegree, 0.02);
+      hand.turnTo({0.004 * side, 0, -0.007 - 0.0001 * i}, 20 * side * kDegree, 0.02);
     }
     return hand.in(slope());
   };
