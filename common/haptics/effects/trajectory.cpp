@@ -88,7 +88,9 @@ void keepAtLayers(const SceneModel& model, const Tick& tick, SimState& state) {
     const double beyond_m = beyondTop(model, state, tick, i);
     const double z_m = tick.x_m - state.membrane_place_m[i];
     const double kept_m = std::clamp(z_m, std::min(0.0, beyond_m), std::max(0.0, beyond_m));
-    state.membrane_place_m[i] += z_m - kept_m;
+    double& place_m = state.membrane_place_m[i];
+    if (kept_m < z_m) place_m = std::max(place_m, tick.x_m - kept_m);
+    if (kept_m > z_m) place_m = tick.x_m - kept_m;
   }
   const double x_cut_m = cuttingPosition(state, tick.x_m);
   state.wall_m = followed(state.wall_m, x_cut_before_m, x_cut_m);
