@@ -127,7 +127,7 @@ constexpr char kClampingScene[] =
     "A simulated hand; scene, motion and all numbers are set by hand: the paper gives none.";
 constexpr double kClampingRate_hz = 1000;
 constexpr Vec3 kTarget_W_m{0.008, 0, -0.036};  // the profile's target
-constexpr Vec3 kBeyond{0.005, 0, 0};           // the hand aims beyond the target, because its spring yields
+constexpr Vec3 kBeyond{0.00125, 0, 0};         // the hand aims beyond the target, because its spring yields
 constexpr double kArrow_mm_per_N = 6;
 
 HandPlan clampingPlan() {
