@@ -37,6 +37,10 @@ StepLoop circling(double depth_m, double radius_m) {
   in.moveTo(site.p_surface_m + site.inward * depth_m + site.across_1 * radius_m, 2.0);
   // two rounds to settle behind the tip
   made.loop = circle(depth_m, radius_m, kSpeed_mps);
+  // the needle points to where its tip will be in 0.1 s, so that u may turn
+  const Motion round = made.loop;
+  for (std::size_t k = 0; k < round.size(); ++k)
+    made.loop[k].q_WT = pointing(normalized(round[(k + 100) % round.size()].p_WT_m - site.p_surface_m));
   made.way_in = joined(joined(in.take(), made.loop), made.loop);
   return made;
 }
