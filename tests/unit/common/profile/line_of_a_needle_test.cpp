@@ -280,5 +280,45 @@ TEST(LineOfANeedle, noiseDoesNotTurnItAndDoesNotStepTheForce) {
   }
 }
 
+// closed loops of tip and axis, out of step with each other: nothing winds up
+TEST(LineOfANeedle, aClosedLoopOfTipAndAxisGivesNothing) {
+  for (const Patient& patient : patients()) {
+    if (patient.is_body) continue;
+    SceneSpec scene = patient.scene;
+    scene.effects &= bitOf(Effect::kClamping) | bitOf(Effect::kOrientationLimit);
+    Patient only = patient;
+    only.model = std::make_shared<SceneModel>(*compile(scene, kRate_hz));
+    for (const double depth_m : {0.003, 0.008, 0.02})
+      for (const double lag : {0.0, 1.6, 3.1}) {
+        if (depth_m > 0.8 * patient.deep_m) continue;
+        Needle needle(only);
+        needle.to({depth_m});
+        constexpr int kTicks = 2000;
+        double worst_J = 0;
+        Vec3 tip_before = needle.placeOf({depth_m}), axis_before = patient.inward, force, torque;
+        for (int loop = 0; loop < 4; ++loop) {
+          double given_J = 0;
+          for (int k = 1; k <= kTicks; ++k) {
+            const double at = 2 * std::numbers::pi * k / kTicks, out = 1 - std::cos(at);
+            const Needle::Place place{depth_m, 0.2 * depth_m * out, 0.2 * depth_m * std::sin(at)};
+            const Vec3 axis = normalized(patient.inward + patient.across * (0.3 * (1 - std::cos(at - lag))) +
+                                         patient.other * (0.3 * std::sin(at - lag)));
+            const Vec3 tip = needle.placeOf(place);
+            needle.point(axis);
+            const Wrench now = (needle.at(place), needle.report().wrench_W);
+            given_J += 0.5 * dot(force + now.force_N, tip - tip_before) +
+                       0.5 * dot(torque + now.torque_Nm, cross(axis_before, axis));
+            force = now.force_N;
+            torque = now.torque_Nm;
+            tip_before = tip;
+            axis_before = axis;
+          }
+          if (loop > 0) worst_J = std::max(worst_J, given_J);  // the first begins elsewhere
+        }
+        EXPECT_LE(worst_J, 0.05e-3) << patient.name << ", " << depth_m << ", " << lag;
+      }
+  }
+}
+
 }  // namespace
 }  // namespace needlelab::line_of_a_needle
