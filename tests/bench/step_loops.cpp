@@ -57,7 +57,7 @@ StepLoop layersLoop(const SceneSpec& scene, double rate_hz) {
   made.scene = scene;
   made.rate_hz = rate_hz;
   MotionBuilder in(rate_hz, site.p_surface_m - site.inward * 0.005, site.inward);
-  // up to 5 mm u follows the hand
+  // the axis stays straight, so u does not turn
   in.moveTo(site.p_surface_m + site.inward * kFrom_m, 0.5).moveTo(at(kFrom_m), 0.2);
   made.way_in = in.take();
   MotionBuilder loop(rate_hz, at(kFrom_m), site.inward);

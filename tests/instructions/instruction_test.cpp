@@ -288,7 +288,7 @@ TEST_F(Instructions, fourMoreEffectsCostNothingWhereTheyAreNotLive) {
   const auto ticks = static_cast<double>(measuringGesture(allEffects(), kRateHz).size());
   const auto withDummies = [&](std::size_t part) { return static_cast<double>((*counted)[part]) / ticks; };
   for (EffectMask live = 0; live < kSets; ++live)
-    // the entry, once in an insertion, clears a longer state otherwise
+    // an insertion's first tick, built with a larger state, differs by a few instructions of its registers
     EXPECT_NEAR(withDummies(live), of(kWhole, live), 0.1) << "set " << live;
   EXPECT_GT(withDummies(kSets), of(kWhole, 0) + 10) << "the control: only the dummies are live";
   std::printf("none %.1f, none with four dummies that are not live %.1f, with the four live %.1f\n",

@@ -47,8 +47,6 @@ std::uint32_t beginInsertion(const SceneModel& model, SimState& state, const Tip
   state.stop_least_m = 0.0;
   state.wall_rest = state.friction_rest = {};
   state.membranes_met = state.membranes_ruptured = 0;
-  state.cuts.own = kMaxCutTracks;
-  state.cuts.opened = 0;
   ++state.insertions;
   state.table_row = 0;
   state.score.cell = -1;

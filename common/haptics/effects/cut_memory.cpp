@@ -211,6 +211,10 @@ void record(const SceneModel& model, SimState& state, double end_m, bool wall_cu
 Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
               StepReport& report) noexcept {
   assert(state.inside && model.isLive(Effect::kCutMemory));
+  if ((report.flags & kFlagEntry) != 0) {
+    state.cuts.own = kMaxCutTracks;
+    state.cuts.opened = 0;
+  }
   turnOwnTrack(state);
   const double x_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
   const double x_before_m = tickBefore(state).x_m;

@@ -57,7 +57,7 @@ struct OnDevice {
 /// What of the tissue an effect's stiffness along the needle acts together with. An intact membrane holds x_c
 /// (FORCE_MODEL.md, "Puncture"), so it and the springs K_t and K_f do not stretch at once.
 enum class ActsWith : std::uint8_t {
-  kTissue,      ///< with K_t and K_f, and whatever else acts with them
+  kTissue,      ///< with K_t, K_f, and the others of this kind
   kHeldTissue,  ///< with tissue whose springs keep their lengths: a membrane
   kBoth,        ///< with the tissue's springs or with a membrane
   kCutTissue,   ///< with the tissue's springs, once membranes and fixture are behind the tip

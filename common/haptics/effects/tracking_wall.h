@@ -22,6 +22,7 @@ inline constexpr double kArmingSpeeds = 2.5;
 /// A stretch that has grown by this much means that the hand cuts, and does not just yield to the falling
 /// force.
 inline constexpr double kStopGrowth_m = 0.6e-3;
+
 /// Tracks the band of places where the needle has been; returns true in the tick in which the needle leaves
 /// it, where a new band begins. Places are stored with `x_shift_m` subtracted: a turn of u is not a movement.
 [[gnu::always_inline]] inline bool leavesBand(SimState& state, double x_m) {

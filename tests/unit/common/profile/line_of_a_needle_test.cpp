@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <numbers>
@@ -12,10 +11,9 @@
 #include <vector>
 
 #include "common/haptics/body/body_engine.h"
-#include "common/profile/profile.h"
-#include "common/profile/scene_of_profile.h"
 #include "tests/support/random.h"
 #include "tests/support/run_form.h"
+#include "tests/unit/common/profile/sample_scenes.h"
 
 namespace needlelab::line_of_a_needle {
 namespace {
@@ -35,14 +33,11 @@ struct Patient {
 const std::vector<Patient>& patients() {
   static const std::vector<Patient> all = [] {
     std::vector<Patient> found;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(NEEDLELAB_SAMPLES)) {
-      if (entry.path().extension() != ".json") continue;
-      const auto profile = loadProfile(entry.path());
-      if (!profile.ok()) continue;  // a curriculum
+    for (const auto& [name, scene] : test::sampleScenes(true)) {
+      if ((scene.effects & bitOf(Effect::kClamping)) == 0 || name == "paper-clamping") continue;
       Patient one;
-      one.name = entry.path().stem().string();
-      one.scene = *sceneSpecOf(*profile);
-      if ((one.scene.effects & bitOf(Effect::kClamping)) == 0 || one.name == "paper-clamping") continue;
+      one.name = name;
+      one.scene = scene;
       one.scene.effects &= ~bitOf(Effect::kBone);
       one.is_body = std::holds_alternative<BodyLimb>(one.scene.limb);
       one.inward = {0, 0, -1};

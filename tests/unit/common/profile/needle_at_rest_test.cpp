@@ -4,15 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/haptics/engine.h"
-#include "common/profile/profile.h"
-#include "common/profile/scene_of_profile.h"
+#include "tests/unit/common/profile/sample_scenes.h"
 
 namespace needlelab::needle_at_rest {
 namespace {
@@ -30,17 +28,13 @@ struct Sample {
 // straight in under a plane of skin, without what else holds a needle at rest: membranes, bone, hub
 std::vector<Sample> samples() {
   std::vector<Sample> found;
-  for (const auto& entry : std::filesystem::directory_iterator(NEEDLELAB_SAMPLES)) {
-    if (entry.path().extension() != ".json") continue;
-    const auto profile = loadProfile(entry.path());
-    if (!profile.ok()) continue;  // a curriculum
-    auto spec = *sceneSpecOf(*profile);
+  for (auto [name, spec] : test::sampleScenes()) {
     if (spec.axial_model != AxialModel::kEnhancedTrackingWall) continue;
     if ((spec.effects & bitOf(Effect::kCutting)) == 0) continue;
     spec.limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
     spec.bone_normal.reset();
     spec.effects &= ~(bitOf(Effect::kPuncture) | bitOf(Effect::kBone) | bitOf(Effect::kHub));
-    Sample one{entry.path().stem().string(), nullptr, 0, {}, {}};
+    Sample one{name, nullptr, 0, {}, {}};
     double depth_m = 0;
     for (const LayerSpec& layer : spec.layers) {
       one.rejection_N = std::max(one.rejection_N, layer.rejection_force_N);

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -14,8 +13,7 @@
 #include <vector>
 
 #include "common/haptics/engine.h"
-#include "common/profile/profile.h"
-#include "common/profile/scene_of_profile.h"
+#include "tests/unit/common/profile/sample_scenes.h"
 
 namespace needlelab {
 namespace {
@@ -37,20 +35,15 @@ struct Sample {
 // the scene with only forces along the needle, under a plane: the test is about the wall
 std::vector<Sample> samplesWithAWall() {
   std::vector<Sample> found;
-  for (const auto& entry : std::filesystem::directory_iterator(NEEDLELAB_SAMPLES)) {
-    if (entry.path().extension() != ".json") continue;
-    const auto profile = loadProfile(entry.path());
-    if (!profile.ok()) continue;  // a curriculum
-    auto spec = sceneSpecOf(*profile);
-    if (!spec.ok() || !dragsAWall(spec->axial_model)) continue;
-    spec->limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
-    spec->bone_normal.reset();
+  for (auto [name, spec] : test::sampleScenes()) {
+    if (!dragsAWall(spec.axial_model)) continue;
+    spec.limb = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
+    spec.bone_normal.reset();
     double depth_m = 0;
-    for (const LayerSpec& layer : spec->layers)
-      if (&layer != &spec->layers.back() || spec->layers.size() == 1) depth_m += layer.thickness_m;
-    found.push_back({entry.path().stem().string(), *spec, std::min(0.04, depth_m - 1e-3)});
+    for (const LayerSpec& layer : spec.layers)
+      if (&layer != &spec.layers.back() || spec.layers.size() == 1) depth_m += layer.thickness_m;
+    found.push_back({name, spec, std::min(0.04, depth_m - 1e-3)});
   }
-  std::sort(found.begin(), found.end(), [](const Sample& a, const Sample& b) { return a.name < b.name; });
   return found;
 }
 
