@@ -15,10 +15,6 @@
 
 namespace needlelab {
 
-/// A field's distance changes by at most this per length: √(1 + ½²), of a capsule whose radius changes by
-/// kMaxSlope per length; all other distances by 1 (field.cpp).
-inline constexpr double kMostSteep = 1.118033988749895;
-
 /// A set of structures.
 using StructureMask = std::uint32_t;
 static_assert(kMaxFieldStructures <= 32);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "common/anatomy/march.h"
@@ -12,23 +13,77 @@ namespace {
 /// Half the distance between the two places that a slope is taken from: far more than rounding, far less than
 /// any radius.
 constexpr double kHalf_m = 2e-5;
-/// A surface is found to this, in at most kSteps steps along its normal.
-constexpr double kOnSurface_m = 1e-7;
-constexpr int kSteps = 4;
+/// A place this far below a surface of bone is in that bone.
+constexpr double kBelow_m = 1e-5;
+/// Nearer to its edge than this, a ball is not asked: slopes are taken across it.
+constexpr double kEdge_m = 1e-3;
 
-/// The direction in which a distance grows, by central differences; zero where it has none.
+/// How a distance changes per length, by central differences; zero where it does not.
+template <class Distance>
+Vec3 slopeOf(const Distance& distance, Vec3 p_m) noexcept {
+  const Vec3 changes{distance(p_m + Vec3{kHalf_m, 0, 0}) - distance(p_m - Vec3{kHalf_m, 0, 0}),
+                     distance(p_m + Vec3{0, kHalf_m, 0}) - distance(p_m - Vec3{0, kHalf_m, 0}),
+                     distance(p_m + Vec3{0, 0, kHalf_m}) - distance(p_m - Vec3{0, 0, kHalf_m})};
+  return norm(changes) > 1e-9 * kHalf_m ? changes / (2 * kHalf_m) : Vec3{};
+}
+
 template <class Distance>
 Vec3 directionOf(const Distance& distance, Vec3 p_m) noexcept {
-  const Vec3 slope{distance(p_m + Vec3{kHalf_m, 0, 0}) - distance(p_m - Vec3{kHalf_m, 0, 0}),
-                   distance(p_m + Vec3{0, kHalf_m, 0}) - distance(p_m - Vec3{0, kHalf_m, 0}),
-                   distance(p_m + Vec3{0, 0, kHalf_m}) - distance(p_m - Vec3{0, 0, kHalf_m})};
-  const double size = norm(slope);
-  return size > 1e-9 * kHalf_m ? slope / size : Vec3{};
+  const Vec3 slope = slopeOf(distance, p_m);
+  return slope == Vec3{} ? slope : slope / norm(slope);
 }
+
+/// The bones of a field: the parts that matter in a ball, and all of them.
+class FieldBones final : public Bones {
+ public:
+  FieldBones(const Field& field, StructureMask mask, Vec3 center_m, double radius_m)
+      : mask_(mask),
+        center_m_(center_m),
+        radius_m_(radius_m),
+        near_(field.inBall(center_m, radius_m, mask)),
+        all_(field.inBall({}, std::numeric_limits<double>::infinity(), mask)) {}
+
+  // beyond the ball's edge there may be bone that it does not know
+  [[nodiscard]] double distance(Vec3 p_m) const noexcept override {
+    const double room_m = radius_m_ - norm(p_m - center_m_);
+    if (!(room_m > kEdge_m)) return all_.structuresDistance(mask_, p_m);
+    return std::min(near_.structuresDistance(mask_, p_m), room_m);
+  }
+  [[nodiscard]] Vec3 slope(Vec3 p_m) const noexcept override {
+    const Field::InBall& near = at(p_m);
+    return slopeOf([&](Vec3 p) { return near.structuresDistance(mask_, p); }, p_m);
+  }
+  [[nodiscard]] StructureIndex structureAt(Vec3 p_m) const noexcept override {
+    const StructureIndex here = at(p_m).at(p_m - slope(p_m) * kBelow_m).structure;
+    if (here != kOutside && (mask_ >> here & 1u) != 0) return here;
+    StructureIndex nearest = 0;
+    double least_m = std::numeric_limits<double>::infinity();
+    for (StructureIndex i = 0; i < kMaxFieldStructures; ++i) {
+      if ((mask_ >> i & 1u) == 0) continue;
+      const double here_m = at(p_m).structuresDistance(maskOf(i), p_m);
+      if (!(here_m < least_m)) continue;
+      least_m = here_m;
+      nearest = i;
+    }
+    return nearest;
+  }
+
+ private:
+  [[nodiscard]] const Field::InBall& at(Vec3 p_m) const noexcept {
+    return radius_m_ - norm(p_m - center_m_) > kEdge_m ? near_ : all_;
+  }
+  StructureMask mask_;
+  Vec3 center_m_;
+  double radius_m_;
+  Field::InBall near_, all_;
+};
 
 }  // namespace
 
-FieldBody::FieldBody(Field field) : field_(std::move(field)) {}
+FieldBody::FieldBody(Field field) : field_(std::move(field)) {
+  for (std::size_t i = 0; i < field_.structures().size(); ++i)
+    if (field_.structures()[i].layer.is_bone) bones_ |= maskOf(static_cast<StructureIndex>(i));
+}
 
 double FieldBody::depth(Vec3 p_m) const noexcept {
   return -field_.skinDistance(p_m);
@@ -42,43 +97,18 @@ StructureIndex FieldBody::structureAt(Vec3 p_m) const noexcept {
   return field_.at(p_m).structure;
 }
 
-LayerStack FieldBody::layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double min_layer_m) const noexcept {
+LayerStack FieldBody::layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double min_layer_m,
+                                  AtBone at_bone) const noexcept {
   MarchOptions options;
   options.reach_m = reach_m;
   options.min_layer_m = min_layer_m;
+  options.at_bone = at_bone;
   return march(field_, from_m, axis, options);
 }
 
-BonesNear FieldBody::bonesNear(Vec3 p_m, double within_m) const noexcept {
-  BonesNear near;
-  std::array<double, kMaxBonePlanes> away_m{};
-  for (std::size_t i = 0; i < field_.structures().size(); ++i) {
-    if (!field_.structures()[i].layer.is_bone) continue;
-    const auto distance = [&](Vec3 p) { return field_.structuresDistance(1u << i, p); };
-    double from_m = distance(p_m);
-    if (std::fabs(from_m) > within_m) continue;
-    // along the normal to the surface
-    Vec3 at_m = p_m, normal = directionOf(distance, at_m);
-    for (int step = 0; step < kSteps && std::fabs(from_m) > kOnSurface_m; ++step) {
-      at_m = at_m - normal * from_m;
-      from_m = distance(at_m);
-      normal = directionOf(distance, at_m);
-    }
-    if (normal == Vec3{}) continue;
-    const double so_far_m = std::fabs(dot(p_m - at_m, normal));
-    // sorted in; the farthest is dropped if there are too many
-    std::size_t place = near.count;
-    while (place > 0 && away_m[place - 1] > so_far_m) --place;
-    if (place == kMaxBonePlanes) continue;
-    near.count = std::min(near.count + 1, kMaxBonePlanes);
-    for (std::size_t later = near.count - 1; later > place; --later) {
-      near.planes[later] = near.planes[later - 1];
-      away_m[later] = away_m[later - 1];
-    }
-    near.planes[place] = {at_m, normal, static_cast<StructureIndex>(i)};
-    away_m[place] = so_far_m;
-  }
-  return near;
+std::shared_ptr<const Bones> FieldBody::bonesIn(Vec3 center_m, double radius_m) const {
+  if (bones_ == 0) return nullptr;
+  return std::make_shared<FieldBones>(field_, bones_, center_m, radius_m);
 }
 
 }  // namespace needlelab

@@ -1,6 +1,8 @@
 /// A field as the engine's body.
 #pragma once
 
+#include <memory>
+
 #include "common/anatomy/field.h"
 #include "common/haptics/body.h"
 
@@ -14,14 +16,15 @@ class FieldBody final : public Body {
   [[nodiscard]] double depth(Vec3 p_m) const noexcept override;
   [[nodiscard]] Vec3 normal(Vec3 p_m) const noexcept override;
   [[nodiscard]] StructureIndex structureAt(Vec3 p_m) const noexcept override;
-  [[nodiscard]] LayerStack layersAlong(Vec3 from_m, Vec3 axis, double reach_m,
-                                       double min_layer_m) const noexcept override;
-  [[nodiscard]] BonesNear bonesNear(Vec3 p_m, double within_m) const noexcept override;
+  [[nodiscard]] LayerStack layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double min_layer_m,
+                                       AtBone at_bone) const noexcept override;
+  [[nodiscard]] std::shared_ptr<const Bones> bonesIn(Vec3 center_m, double radius_m) const override;
 
   [[nodiscard]] const Field& field() const { return field_; }
 
  private:
   Field field_;
+  StructureMask bones_ = 0;
 };
 
 }  // namespace needlelab

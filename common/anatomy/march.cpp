@@ -103,7 +103,10 @@ LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions
     stack.end_m = 0;
     return stack;
   }
-  if (field.structures()[walk.here().structure].layer.is_bone) {
+  const auto ends = [&](StructureIndex structure) {
+    return options.at_bone == AtBone::kEnds && field.structures()[structure].layer.is_bone;
+  };
+  if (ends(walk.here().structure)) {
     stack.end = StackEnd::kBone;
     stack.end_m = 0;
   }
@@ -122,7 +125,7 @@ LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions
       stack.end = StackEnd::kExit;
     } else if (!append(stack, walk.here().structure, top_m, options.min_layer_m)) {
       stack.end = StackEnd::kFull;
-    } else if (field.structures()[walk.here().structure].layer.is_bone) {
+    } else if (ends(walk.here().structure)) {
       stack.end = StackEnd::kBone;
     } else {
       stack.end_m = options.reach_m;

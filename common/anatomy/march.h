@@ -15,14 +15,14 @@ struct MarchOptions {
   /// Layers thinner than this go to the layer before: a needle does not feel a sliver below half its
   /// diameter.
   double min_layer_m = 0.35e-3;
+  AtBone at_bone = AtBone::kEnds;
 };
 
 /// Boundaries are found to this.
 inline constexpr double kBoundary_m = 1e-7;
 
 /// Marches from a point on the skin along the unit vector `axis`, by sphere tracing (Hart 1996): no step is
-/// longer than the field's clearance, and a change of structure is narrowed down to kBoundary_m. Ends at the
-/// first bone. Two layers of one structure are one, if a sliver between them was dropped. Does not allocate;
+/// longer than the field's clearance, and a change of structure is narrowed down to kBoundary_m. Two layers of one structure are one, if a sliver between them was dropped. Does not allocate;
 /// thread: any.
 LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions& options) noexcept;
 

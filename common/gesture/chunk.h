@@ -22,7 +22,7 @@ inline constexpr std::size_t kMaxChunkSamples = 65'536;
 /// The maximum length of a chunk with any samples; longer input is refused before any allocation.
 inline constexpr std::size_t kMaxChunkBytes = 20u << 20;
 /// The maximum length of a chunk's cut memory; the same limit applies in a live frame.
-inline constexpr std::size_t kMaxCutMemoryBytes = 1024;
+inline constexpr std::size_t kMaxCutMemoryBytes = 4096;
 /// The maximum length of a chunk's list of paths in a body; the same limit applies in a live frame.
 inline constexpr std::size_t kMaxPathsBytes = 32'768;
 

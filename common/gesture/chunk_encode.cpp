@@ -274,7 +274,7 @@ Bytes encodeChunk(const Resolution& resolution, std::span<const GestureSample> s
                   ByteView paths) {
   const bool valid = !samples.empty() && samples.size() <= kMaxChunkSamples && validate(resolution).ok() &&
                      cut_memory.size() <= kMaxCutMemoryBytes && paths.size() <= kMaxPathsBytes;
-  assert(valid && "1 to 65,536 samples, a valid resolution, at most 1,024 bytes of memory, 32,768 of paths");
+  assert(valid && "1 to 65,536 samples, a valid resolution, at most 4,096 bytes of memory, 32,768 of paths");
   if (!valid) return {};
 
   std::uint8_t* const begin = scratchOf(worstCase(samples.size()));

@@ -1,5 +1,6 @@
 #include "common/haptics/cut_snapshot.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 
@@ -10,7 +11,8 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint8_t kCutVersion = 2;  // version 1 lacked the number of insertions and was never stored
+// version 1 lacked the number of insertions and was never stored; a memory with holes of a body is of the last
+constexpr std::uint8_t kCutVersion = 2, kCutVersionWithHoles = 3;
 
 Error corruptCuts(const std::string& what) {
   return {ErrorCode::kCorrupt, "memory of the cut: " + what};
@@ -18,7 +20,10 @@ Error corruptCuts(const std::string& what) {
 
 bool isTrack(const CutTrack& track) {
   return isFinite(track.p_entry_W_m) && isDirection(track.u_W) && std::isfinite(track.length_m) &&
-         track.length_m >= 0;
+         track.length_m >= 0 && track.hole_count <= kMaxCutHoles &&
+         std::all_of(track.holes.begin(), track.holes.begin() + track.hole_count, [](const CutHole& hole) {
+           return hole.id < kMaxLayers && std::isfinite(hole.at_m);
+         });
 }
 
 // a ring that is not full is filled from its start
@@ -35,7 +40,9 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
   Bytes bytes;
   bytes.reserve(kMaxCutSnapshotBytes);
   ByteWriter to(bytes);
-  to.put(kCutVersion);
+  const bool has_holes = std::any_of(cuts.tracks.begin(), cuts.tracks.begin() + cuts.count,
+                                     [](const CutTrack& track) { return track.hole_count > 0; });
+  to.put(has_holes ? kCutVersionWithHoles : kCutVersion);
   to.put(static_cast<std::uint8_t>(cuts.count));
   to.put(static_cast<std::uint8_t>(cuts.next));
   to.put(std::uint8_t{0});
@@ -47,6 +54,12 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
     putVector(to, track.u_W);
     to.put(track.length_m);
     to.put(track.membranes);
+    if (!has_holes) continue;
+    to.put(static_cast<std::uint8_t>(track.hole_count));
+    for (std::uint32_t k = 0; k < track.hole_count; ++k) {
+      to.put(track.holes[k].id);
+      to.put(track.holes[k].at_m);
+    }
   }
   assert(bytes.size() <= kMaxCutSnapshotBytes);
   return bytes;
@@ -55,9 +68,9 @@ Bytes encodeCuts(const CutSnapshot& snapshot) {
 Result<CutSnapshot> decodeCuts(ByteView bytes) {
   ByteReader from(bytes);
   const auto version = from.get<std::uint8_t>();
-  if (from.ok() && version != kCutVersion)
-    return Error{ErrorCode::kVersion,
-                 fmt::format("memory of the cut: version {}, this program reads {}", version, kCutVersion)};
+  if (from.ok() && version != kCutVersion && version != kCutVersionWithHoles)
+    return Error{ErrorCode::kVersion, fmt::format("memory of the cut: version {}, this program reads {} and {}",
+                                                  version, kCutVersion, kCutVersionWithHoles)};
   CutSnapshot snapshot;
   CutMemory& cuts = snapshot.cuts;
   cuts.count = from.get<std::uint8_t>();
@@ -76,8 +89,13 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
     track.u_W = vectorFrom(from);
     track.length_m = from.get<double>();
     track.membranes = from.get<std::uint32_t>();
+    track.hole_count = version == kCutVersionWithHoles ? from.get<std::uint8_t>() : 0;
+    for (std::uint32_t k = 0; k < std::min<std::size_t>(track.hole_count, kMaxCutHoles); ++k) {
+      track.holes[k].id = from.get<std::uint8_t>();
+      track.holes[k].at_m = from.get<double>();
+    }
     if (!from.ok()) return corruptCuts(fmt::format("{} bytes are too few", bytes.size()));
-    if (!isTrack(track)) return corruptCuts(fmt::format("track {} is not a line with a length", i));
+    if (!isTrack(track)) return corruptCuts(fmt::format("track {} is not a line with a length and holes", i));
   }
   if (from.left() != 0) return corruptCuts(fmt::format("{} bytes are left over", from.left()));
   return snapshot;

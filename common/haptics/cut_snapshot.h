@@ -20,7 +20,7 @@ struct CutSnapshot {
 };
 
 /// The maximum length of the bytes.
-inline constexpr std::size_t kMaxCutSnapshotBytes = 20 + 60 * kMaxCutTracks;
+inline constexpr std::size_t kMaxCutSnapshotBytes = 20 + (61 + 9 * kMaxCutHoles) * kMaxCutTracks;
 
 /// Thread: any. Not for the haptic thread: it allocates.
 Bytes encodeCuts(const CutSnapshot& snapshot);

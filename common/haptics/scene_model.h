@@ -72,6 +72,20 @@ struct AlongStiffness {
   [[nodiscard]] double atOnce() const;
 };
 
+/// The bones of a body in W; null where it has none. Real-time safe.
+struct PlacedBones {
+  std::shared_ptr<const Bones> bones;
+  Pose X_WL, X_LW;
+
+  [[nodiscard]] double distance(Vec3 p_W_m) const noexcept { return bones->distance(X_LW * p_W_m); }
+  [[nodiscard]] Vec3 slope(Vec3 p_W_m) const noexcept {
+    return rotate(X_WL.q, bones->slope(X_LW * p_W_m));
+  }
+  [[nodiscard]] StructureIndex structureAt(Vec3 p_W_m) const noexcept {
+    return bones->structureAt(X_LW * p_W_m);
+  }
+};
+
 /// Only `compile` makes one; const afterwards. Copying is cheap enough outside the haptic thread. Thread: any
 /// may read.
 class SceneModel {
@@ -140,8 +154,8 @@ class SceneModel {
   double bone_top_m = 0;                              ///< its top
   bool bone_is_plane = false;                         ///< the limb is a plane, and so is the bone
   Vec3 bone_point_m, bone_normal;                     ///< … with its unit normal out of the bone
-  std::array<BonePlane, kMaxBonePlanes> bone_planes;  ///< in a body: instead of all these
-  std::uint32_t bone_plane_count = 0;
+  PlacedBones bones;     ///< on a path in a body: instead of all these
+  bool in_body = false;  ///< of a path in a body: a structure may come more than once
 
   /// A body: what its paths are compiled from (path_stack.h); null for all other limbs. Such a model is not
   /// stepped itself, only those of its paths.

@@ -58,12 +58,23 @@ struct NeedleState {
   std::array<Hold, kMaxNeedleStations> hold{};
 };
 
+/// A hole in a membrane of a body, whose structure a line may cross more than once.
+struct CutHole {
+  std::uint8_t id = 0;  ///< of the membrane
+  double at_m = 0;      ///< along the track
+  friend bool operator==(const CutHole&, const CutHole&) = default;
+};
+/// The greatest number of holes that a track remembers.
+inline constexpr std::size_t kMaxCutHoles = 16;
+
 /// A cut that an insertion left in the tissue: the points entry + s·u with 0 ≤ s ≤ length.
 struct CutTrack {
   Vec3 p_entry_W_m;
   Vec3 u_W;  ///< unit
   double length_m = 0;
-  std::uint32_t membranes = 0;  ///< bit i: the one of id i is open where the line crosses it
+  std::uint32_t membranes = 0;  ///< bit i: the one of id i is open where the line crosses it; in a body …
+  std::uint32_t hole_count = 0;
+  std::array<CutHole, kMaxCutHoles> holes{};  ///< … only at these, the first `hole_count`
 };
 
 /// CUT_MEMORY: the cuts of this session, a ring. An exit does not clear it. Empty in a scene without the
@@ -93,6 +104,9 @@ struct BoneContact : ProxyContact {
   double cutting_N = 0, friction_N = 0;  ///< the forces along u, which may not grow
   double place_m = 0;                    ///< where the tissue felt the tip in the last tick, along u, minus
                                          ///< `x_shift_m`
+  // in a body: a ball without bone, by its squared radius; not part of the hash
+  Vec3 p_clear_W_m;
+  double clear_m2 = 0;
 };
 
 /// PALPATION: the cap, and what the ball under it touches.
@@ -107,6 +121,7 @@ struct Palpation {
 struct LayerSpan {
   double begin_m, end_m;                       ///< the first begins at −∞, the last ends at ∞
   double friction_N_per_m, friction_offset_N;  ///< ∫₀^s friction = offset + slope·s
+  double lateral_N_per_m2;
   std::int64_t layer;                          ///< −1: beyond the limb
 };
 

@@ -143,11 +143,11 @@ Vec3 surfaceNormal(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
 }
 
 Vec3 nearestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
-  constexpr int kSkinSteps = 8;
+  constexpr int kSteps = 8;
   constexpr double kOnSkin_m = 1e-9;
   Vec3 at = p + surfaceNormal(limb, p, motion) * signedDepth(limb, p);
   if (!std::holds_alternative<BodyLimb>(limb)) return at;
-  for (int step = 0; step < kSkinSteps; ++step) {
+  for (int step = 0; step < kSteps; ++step) {
     const double depth_m = signedDepth(limb, at);
     if (!(depth_m > kOnSkin_m || depth_m < -kOnSkin_m)) break;
     at = at + surfaceNormal(limb, at, motion) * depth_m;
@@ -170,15 +170,6 @@ Vec3 closestSkin(const Limb& limb, Vec3 p, Vec3 motion) noexcept {
   if (body == nullptr || !(depth_m > 0)) return near;
   const WaysOut::Way way = leastWay(*body, p, depth_m, near - p);
   return norm(near - p) <= way.length_m + kAsNear_m ? near : p + rotate(body->X_WL.q, way.out) * way.length_m;
-}
-
-BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept {
-  BonesNear near = limb.body->bonesNear(inverse(limb.X_WL) * p_W_m, within_m);
-  for (std::size_t i = 0; i < near.count; ++i) {
-    near.planes[i].point_m = limb.X_WL * near.planes[i].point_m;
-    near.planes[i].normal = rotate(limb.X_WL.q, near.planes[i].normal);
-  }
-  return near;
 }
 
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept {

@@ -25,9 +25,6 @@ double depthBelowSkin(const Limb& limb, Vec3 p_W_m) noexcept;
 /// depthBelowSkin says, else the end of the least way out. As slow as depthBelowSkin.
 Vec3 closestSkin(const Limb& limb, Vec3 p_W_m, Vec3 motion) noexcept;
 
-/// The bones of a body nearer than `within_m`, as planes in W. Real-time safe.
-BonesNear bonesNear(const BodyLimb& limb, Vec3 p_W_m, double within_m) noexcept;
-
 /// Returns P0: the point with depth 0 between the tips of the last tick and of this one. `before` is the
 /// state of the previous tick, outside; `depth_m` > 0 is the depth of `p_W_m`. Real-time safe.
 Vec3 entryPoint(const SimState& before, Vec3 p_W_m, double depth_m) noexcept;

@@ -87,7 +87,7 @@ std::optional<AnchoredPlaces::Top> AnchoredPlaces::topIn(const BodyLimb& body, V
   Top top;
   top.skin_m = closestSkin(limb_, center_m, kIntoTheBody);
   top.normal = surfaceNormal(limb_, top.skin_m, kIntoTheBody);
-  const LayerStack stack = body.body->layersAlong(top.skin_m, -top.normal, kReach_m, 0);
+  const LayerStack stack = body.body->layersAlong(top.skin_m, -top.normal, kReach_m, 0, AtBone::kEnds);
   for (std::size_t i = 0; i < stack.count; ++i) {
     if (stack.layers[i].structure != structure) continue;
     top.depth_m = stack.layers[i].top_m;

@@ -184,13 +184,16 @@ Result<std::vector<double>> palpationTimes(const pb::Profile& profile,
   ASSIGN_OR_RETURN(const SceneSpec scene, sceneSpecOf(profile));
   ASSIGN_OR_RETURN(const SceneModel model, compile(scene, kRate_Hz));
   if (!model.isLive(Effect::kPalpation)) return times_us;
+  const auto& limb = std::get<BodyLimb>(scene.limb);
   for (const AnatomyPath& path : paths) {
+    const PlacedBones bones{limb.body->bonesIn(inverse(limb.X_WL) * path.entry_m, 0.02), limb.X_WL,
+                            inverse(limb.X_WL)};
     SimState state;
     StepReport report;
     for (int tick = 0; tick < kTicks; ++tick) {
       const TipSample sample{path.entry_m + path.axis * (kTick_m * (tick - 24)), {}};
       const double before_s = threadSeconds();
-      if (changeCap(model, true, sample, state)) palpate(model, sample, state, report);
+      if (changeCap(model, true, sample, state)) palpate(model, bones, sample, state, report);
       if (state.palpation.skin.touching) times_us.push_back(1e6 * (threadSeconds() - before_s));
     }
   }

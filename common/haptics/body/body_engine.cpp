@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/haptics/axial_entry.h"
-#include "common/haptics/body/bone_planes.h"
+#include "common/haptics/body/bones_in_body.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/effects/trajectory.h"
 #include "common/haptics/surface.h"
@@ -21,25 +21,115 @@ namespace {
 constexpr double kMoved_m = 1e-4, kMovedShare = 0.02;
 /// … when the needle outside, or u, has turned by these sines, or P0 has moved.
 constexpr double kTurnedOutside = 5e-3, kTurned = 2e-4, kEntryMoved_m = 1e-5;
-/// Layers stay as they are down to this below the tip, and twice as far as the tip moves until the path is
-/// used.
-constexpr double kKeep_m = 0.5e-3;
 /// A place is expected no farther from the tip than this.
 constexpr double kMostAhead_m = 0.02;
+/// Bones are asked often so far around the place where the tip is expected, and on its way there.
+constexpr double kBall_m = 0.010;
 /// Layers that were met stay met on a path whose tops there differ by no more than this.
 constexpr double kSameTop_m = 0.3e-3;
+/// A membrane that holds the needle goes on if it is no farther away on the next path.
+constexpr double kSameMembrane_m = 2e-3;
 
 bool turned(Vec3 a, Vec3 b, double sine) {
   return normSquared(a - b) > sine * sine;
 }
 
 /// How many layers two paths have in common, from the skin inwards.
-std::uint32_t commonLayers(const PathLayers& a, const PathLayers& b) {
+std::uint32_t commonLayers(const PathStack& a, const PathStack& b) {
+  const std::uint32_t most = std::min(a.model.layer_count, b.model.layer_count);
   std::uint32_t i = 0;
-  while (i < a.count && i < b.count && a.layers[i].structure == b.layers[i].structure &&
-         std::fabs(a.layers[i].top_m - b.layers[i].top_m) <= kSameTop_m)
+  while (i < most && a.reported[i] == b.reported[i] &&
+         std::fabs(a.model.layers[i].top_m - b.model.layers[i].top_m) <= kSameTop_m)
     ++i;
   return i;
+}
+
+/// Whether a path has a layer of this structure within a stretch of depth.
+bool has(const PathStack& path, std::int8_t structure, double from_m, double to_m) {
+  for (std::uint32_t i = 0; i < path.model.layer_count; ++i)
+    if (path.reported[i] == structure && path.model.layers[i].top_m < to_m &&
+        path.model.layers[i].bottom_m > from_m)
+      return true;
+  return false;
+}
+
+/// Whether the tip went through a whole layer that the path before did not have, since that was found.
+bool skips(const PathStack& before, const PathStack& next, double depth_m) {
+  for (std::uint32_t i = 0; i < next.model.layer_count; ++i) {
+    const CompiledLayer& layer = next.model.layers[i];
+    if (layer.bottom_m > depth_m) return false;
+    if (layer.top_m >= before.path.asked_depth_m && !has(before, next.reported[i], layer.top_m, layer.bottom_m))
+      return true;
+  }
+  return false;
+}
+
+/// The membranes of an insertion on its next path. Those that the paths have in common keep what became of
+/// them. One that holds the needle goes on holding it from the same place. One that the tip passed while the
+/// path was made is met where the tip is: the last of them, as the others are behind it. Those farther behind
+/// the tip are open. Returns whether one that held the needle is gone.
+bool moveMembranes(const PathStack& before, const PathStack& next, double last_top_m, double x_m,
+                   SimState& state) {
+  const SceneModel &was = before.model, &model = next.model;
+  const double x_cut_m = cuttingPosition(state, x_m);
+  std::uint32_t holding = intactMembranes(state), met = 0, ruptured = 0, opened = 0, late = 0;
+  std::array<double, kMaxLayers> places;
+  for (; met < model.membrane_count; ++met) {
+    const double top_m = model.membranes[met].top_m;
+    const std::uint32_t bit = 1u << met;
+    const bool same = top_m <= last_top_m;
+    if (same && met < state.membranes_met) {
+      ruptured |= state.membranes_ruptured & bit;
+      opened |= state.cuts.opened & bit;
+      holding &= ~bit;
+      places[met] = state.membrane_place_m[met];
+      continue;
+    }
+    std::uint32_t held = kMaxLayers;
+    for (std::uint32_t left = holding; left != 0 && held == kMaxLayers; left &= left - 1) {
+      const auto i = static_cast<std::uint32_t>(std::countr_zero(left));
+      if (was.membrane_ids[i] == model.membrane_ids[met] &&
+          std::fabs(was.membranes[i].top_m - top_m) <= kSameMembrane_m)
+        held = i;
+    }
+    if (held < kMaxLayers) {
+      holding &= ~(1u << held);
+      places[met] = state.membrane_place_m[held];
+      continue;
+    }
+    if (top_m > state.depth_prev_m) break;
+    places[met] = x_m;
+    if (same || top_m > next.path.asked_depth_m) {
+      ruptured |= late;
+      opened |= late;
+      late = bit;
+    } else {
+      ruptured |= bit;
+      opened |= bit;
+    }
+  }
+  state.membranes_met = met;
+  state.membranes_ruptured = ruptured;
+  state.cuts.opened = opened;
+  std::copy_n(places.begin(), met, state.membrane_place_m.begin());
+  // where one is gone the walls follow the tip, and their forces do not change
+  const double follow_m = cuttingPosition(state, x_m) - x_cut_m;
+  state.wall_m += follow_m;
+  state.friction_wall_m += follow_m;
+  return holding != 0;
+}
+
+/// Likewise the tops of GOD_OBJECT.
+void moveTops(const PathStack& next, std::uint32_t common, double x_m, SimState& state) {
+  if (state.tops_met == 0) return;
+  state.tops_met = std::min(state.tops_met, common);
+  for (; state.tops_met < next.model.layer_count &&
+         next.model.layers[state.tops_met].top_m <= state.depth_prev_m;
+       ++state.tops_met)
+    state.top_place_m[state.tops_met] = x_m - state.x_shift_m;
+  if (state.proxy_layer < common && state.proxy_layer < state.tops_met) return;
+  state.proxy_layer = state.tops_met - 1;
+  state.proxy_held = false;
 }
 
 }  // namespace
@@ -68,13 +158,14 @@ struct SceneEngine::InBody {
   std::uint64_t next_mark = 0;
   // the tick of the next mark, or of a path that is due before it; with the cap on, the next tick
   std::uint64_t next_event = 0;
+  std::uint64_t path_ticks;
   bool asked = false;
   std::uint64_t due = 0;  // the tick that uses the path asked for
   PathAsk ask;            // the last one
   Vec3 asked_at_W_m;      // the tip when it was asked
   // of the state, when its insertion, u and P0 were last found near enough to those of the ask
   std::uint32_t line_changes = 0;
-  // the tip 0 to 20 and 20 to 40 ticks ago
+  // the tip up to `path_ticks` ago, and up to twice as long ago
   struct Mark {
     Vec3 p_W_m;
     std::uint64_t tick = 0;
@@ -84,7 +175,8 @@ struct SceneEngine::InBody {
   std::uint64_t given_insertion = 0;
   bool given_now = false;  // for the next tick, outside
 
-  InBody(const SceneModel& model, PathMaker* maker) : body(model), paths(maker) {
+  InBody(const SceneModel& model, PathMaker* maker)
+      : body(model), paths(maker), path_ticks(pathTicks(model.rate_hz)) {
     if (paths == nullptr) paths = &in_place.emplace(model);
   }
   ~InBody() {
@@ -95,14 +187,12 @@ struct SceneEngine::InBody {
   InBody& operator=(const InBody&) = delete;
 
   /// Uses a path from this tick on, or retires it. Returns whether it uses it.
-  bool use(PathStack* made, std::uint64_t insertion, SimState& state) noexcept;
-  /// Whether what the state knows has its place on a path.
-  [[nodiscard]] bool holds(const PathStack& next, const SimState& state) const noexcept;
-  void replace(PathStack* next, SimState& state) noexcept;
+  bool use(PathStack* made, std::uint64_t insertion, std::uint32_t& flags, SimState& state) noexcept;
+  void replace(PathStack* next, std::uint32_t& flags, SimState& state) noexcept;
   /// The path for this tick, if one is due or was given for it. True if it is used.
   bool usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept;
   void useOutside(PathStack& next, SimState& state) const noexcept;
-  void useInside(PathStack& next, SimState& state) const noexcept;
+  void useInside(PathStack& next, SimState& state, std::uint32_t& flags) const noexcept;
   [[nodiscard]] bool tipMoved(const TipSample& sample) const noexcept {
     return normSquared(sample.p_WT_m - asked_at_W_m) > kMoved_m * kMoved_m;
   }
@@ -112,11 +202,12 @@ struct SceneEngine::InBody {
 };
 
 // the skin is a new plane: both ticks of an entry are tested with it. Where the last tip would be in the
-// tissue, the plane gives way to it
+// tissue, the plane gives way to it. A tip that was outside of it when the path was asked for has been outside
 void SceneEngine::InBody::useOutside(PathStack& next, SimState& state) const noexcept {
   SceneModel& model = next.model;
   state.layer = 0;
   if (!state.has_prev) return;
+  state.outside_once = state.outside_once || !(depthIn(model, asked_at_W_m) > 0.0);
   double depth_m = depthIn(model, state.p_prev_W_m);
   if (depth_m > 0.0 && state.outside_once) {
     model.plane_point_m = model.plane_point_m - model.plane_normal * depth_m;
@@ -126,74 +217,57 @@ void SceneEngine::InBody::useOutside(PathStack& next, SimState& state) const noe
   state.depth_prev_m = depth_m;
 }
 
-// what lies behind the tip stays; what was met ahead of it stays met as far as it is the same tissue
-void SceneEngine::InBody::useInside(PathStack& next, SimState& state) const noexcept {
-  assert(now != nullptr && state.layer < next.model.layer_count);
+// the skin stays, and so do the layers along the shaft; the tip is in the layer that the new path has there
+void SceneEngine::InBody::useInside(PathStack& next, SimState& state, std::uint32_t& flags) const noexcept {
+  assert(now != nullptr);
   SceneModel& model = next.model;
   model.plane_point_m = now->model.plane_point_m;  // as it gave way
   model.plane_normal = now->model.plane_normal;
   model.limb = now->model.limb;
-  const std::uint32_t common = std::min(commonLayers(now->path, next.path), model.layer_count);
-  assert(common > 0);
-  const double last_top_m = model.layers[common - 1].top_m;
-  std::uint32_t membranes = 0;
-  while (membranes < model.membrane_count && model.membranes[membranes].top_m <= last_top_m) ++membranes;
-  if (state.membranes_met > membranes) {
-    state.membranes_met = membranes;
-    const std::uint32_t kept = membranes == 32 ? ~0u : (1u << membranes) - 1u;
-    state.membranes_ruptured &= kept;
-    state.cuts.opened &= kept;
-  }
-  if (state.tops_met > common) {
-    state.tops_met = common;
-    if (state.proxy_layer >= common) {
-      state.proxy_layer = common - 1;
-      state.proxy_held = false;
-    }
-  }
-  // a reader's own path may have had a top a little deeper than the station's: it is met where the tip is
   const double x_m = dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m);
+  const std::uint32_t common = commonLayers(*now, next);
   const bool has_membranes =
       model.isLive(Effect::kPuncture) || axialEntry(model.axial_model).topOf != nullptr;
-  for (; has_membranes && state.membranes_met < model.membrane_count &&
-         model.membranes[state.membranes_met].top_m <= state.depth_prev_m;
-       ++state.membranes_met)
-    state.membrane_place_m[state.membranes_met] = x_m;
-  const bool has_tops = state.tops_met > 0;  // of GOD_OBJECT
-  for (; has_tops && state.tops_met < model.layer_count &&
-         model.layers[state.tops_met].top_m <= state.depth_prev_m;
-       ++state.tops_met)
-    state.top_place_m[state.tops_met] = x_m - state.x_shift_m;
+  if (has_membranes &&
+      moveMembranes(*now, next, common > 0 ? model.layers[common - 1].top_m : -1.0, x_m, state))
+    flags |= kFlagLayerChange;
+  moveTops(next, common, x_m, state);
+  if (skips(*now, next, state.depth_prev_m)) flags |= kFlagSkipped;
+  const std::uint32_t layer = findLayer(model, state.depth_prev_m, 0);
+  if (next.reported[layer] != now->reported[state.layer]) flags |= kFlagLayerChange;
+  // OKAMURA and DAHL look along the shaft for a layer's own numbers
+  for (std::uint32_t i = 0; i < state.along.count; ++i) {
+    std::int64_t& index = state.along.spans[i].layer;
+    if (index < 0) continue;
+    const std::int8_t structure = now->reported[static_cast<std::size_t>(index)];
+    std::uint32_t there = 0;
+    while (there < model.layer_count && next.reported[there] != structure) ++there;
+    index = there < model.layer_count ? there : std::min<std::int64_t>(index, layer);
+  }
+  state.layer = layer;
   relayLayers(model, state);
 }
 
-bool SceneEngine::InBody::holds(const PathStack& next, const SimState& state) const noexcept {
-  if (!state.inside) return true;
-  return now != nullptr && state.layer < next.model.layer_count &&
-         commonLayers(now->path, next.path) > state.layer &&
-         !(state.bone.touching && next.path.bones.count == 0);
-}
-
-void SceneEngine::InBody::replace(PathStack* next, SimState& state) noexcept {
+void SceneEngine::InBody::replace(PathStack* next, std::uint32_t& flags, SimState& state) noexcept {
+  flags |= kFlagNewPath;
   if (state.inside)
-    useInside(*next, state);
+    useInside(*next, state, flags);
   else
     useOutside(*next, state);
   if (now != nullptr) paths->retire(now);
   now = next;
 }
 
-bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, SimState& state) noexcept {
+bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, std::uint32_t& flags,
+                              SimState& state) noexcept {
   if (made == nullptr) return false;
   const bool fits = insertion == (state.inside ? state.insertions : 0) &&
-                    !(state.inside &&
-                      (!(state.depth_prev_m < made->path.changes_from_m) || alike(made->path, now->path))) &&
-                    holds(*made, state);
+                    !(state.inside && alike(made->path, now->path));
   if (!fits) {
     paths->retire(made);
     return false;
   }
-  replace(made, state);
+  replace(made, flags, state);
   return true;
 }
 
@@ -206,7 +280,7 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
     const bool late = stored != nullptr && (stored->flags & kFlagKeptPath) != 0;
     if (late || !paths->take(made)) {
       flags = kFlagKeptPath;
-      due += kPathTicks;
+      due += path_ticks;
     } else {
       asked = false;
     }
@@ -215,14 +289,10 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
   const bool has_own = !told && !given_before &&
                        !(stored != nullptr && state.inside && given_insertion == state.insertions &&
                          (stored->flags & kFlagNewPath) == 0);
-  if (made != nullptr && has_own) return use(made, ask.insertion, state);
+  if (made != nullptr && has_own) return use(made, ask.insertion, flags, state);
   if (made != nullptr) paths->retire(made);
-  if (!told) return false;
-  if (!holds(*given, state)) {
-    given.reset();
-    return false;
-  }
-  replace(given.release(), state);
+  if (!told || (state.inside && now == nullptr)) return false;
+  replace(given.release(), flags, state);
   return true;
 }
 
@@ -248,11 +318,12 @@ bool SceneEngine::InBody::wantsOutside(const TipSample& sample, const SimState& 
 void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state) noexcept {
   const auto past = static_cast<double>(tick - mark_before.tick);
   const Vec3 moved = past > 0 ? (sample.p_WT_m - mark_before.p_W_m) * (1.0 / past) : Vec3{};  // per tick
-  Vec3 ahead = moved * (1.5 * static_cast<double>(kPathTicks));
+  Vec3 ahead = moved * (1.5 * static_cast<double>(path_ticks));
   if (normSquared(ahead) > kMostAhead_m * kMostAhead_m) ahead = ahead * (kMostAhead_m / norm(ahead));
   ask.tick = tick;
   ask.insertion = state.inside ? state.insertions : 0;
   ask.p_tip_W_m = state.bone.touching ? state.bone.p_proxy_W_m : sample.p_WT_m + ahead;
+  ask.ball_radius_m = kBall_m + norm(ask.p_tip_W_m - sample.p_WT_m);
   asked_at_W_m = sample.p_WT_m;
   if (state.inside) {
     ask.axis_W = state.u_W;
@@ -260,13 +331,13 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
     line_changes = state.line_changes;
     ask.slant = state.slant;
     ask.depth_m = std::max(0.0, state.depth_prev_m);
-    ask.keep_m = ask.depth_m + kKeep_m + 2.0 * static_cast<double>(kPathTicks) * norm(moved);
-    ask.now = &now->path;
+    ask.point_W_m = now->model.plane_point_m;
+    ask.normal_W = now->model.plane_normal;
   } else {
     ask.axis_W = unitAxis(sample);
   }
   asked = true;
-  due = tick + kPathTicks;
+  due = tick + path_ticks;
   paths->ask(ask);
 }
 
@@ -301,14 +372,13 @@ bool SceneEngine::givePath(const PathLayers& path, bool enters) {
   for (std::uint32_t i = 0; i < path.count; ++i)
     if (path.layers[i].structure >= structures && (path.layers[i].structure != kOutside || i == 0))
       return false;
-  for (std::size_t i = 0; i < path.bones.count; ++i)
-    if (path.bones.planes[i].structure >= structures) return false;
   body_->given = compilePath(body_->body, path);
   if (!body_->given) return false;
   if (enters) state_.inside = state_.in_limb = state_.bone.touching = false;
   body_->given_insertion = state_.insertions + (state_.inside ? 0 : 1);
   if (state_.inside) return true;
-  body_->replace(body_->given.release(), state_);
+  std::uint32_t flags = 0;
+  body_->replace(body_->given.release(), flags, state_);
   body_->given_now = true;
   model_ = &body_->now->model;
   return true;
@@ -342,7 +412,6 @@ void SceneEngine::continueFrom(const SceneEngine& other) {
   to.asked = from.asked;
   to.due = from.due;
   to.ask = from.ask;
-  to.ask.now = nullptr;  // the other's
   to.asked_at_W_m = from.asked_at_W_m;
   to.line_changes = from.line_changes;
   to.next_mark = from.next_mark;
@@ -363,7 +432,7 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
       if (wants_cap_ != isCapped() || (wants_cap_ && !clear && state_.palpation.clear))
         setCap(wants_cap_, clear, state_);
     }
-    if (changeCap(*scene_, wants_cap_, sample, state_)) return palpate(*scene_, sample, state_, report);
+    if (changeCap(*scene_, wants_cap_, sample, state_)) return palpate(*scene_, model_->bones, sample, state_, report);
   }
   if (as_stored)
     static_cast<void>(needlelab::stepAsStored(*model_, sample, *stored, state_, report));
@@ -384,7 +453,7 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
 }
 
 [[gnu::noinline]] void SceneEngine::afterStepInside(const TipSample& sample, StepReport& report) noexcept {
-  if (report.layer == kTouchedBone) report.layer = touchedPlane(*model_, state_).structure;
+  if (report.layer == kTouchedBone) report.layer = touchedBone(*model_, state_);
   if (!body_->asked && body_->wantsInside(sample, state_)) body_->askFor(sample, state_);
   ++body_->tick;
 }
@@ -416,7 +485,7 @@ void SceneEngine::stepAtEvent(const TipSample& sample, const StoredTick* stored,
   InBody& body = *body_;
   std::uint32_t flags = 0;
   if (stored != nullptr || (body.asked && body.tick == body.due)) {
-    if (body.usePath(stored, flags, state_)) flags = kFlagNewPath;
+    static_cast<void>(body.usePath(stored, flags, state_));
     if (body.now != nullptr) model_ = &body.now->model;
   }
   stepOnModel(sample, stored, as_stored, report);
@@ -425,7 +494,7 @@ void SceneEngine::stepAtEvent(const TipSample& sample, const StoredTick* stored,
   if (body.tick == body.next_mark) {
     body.mark_before = body.tick == 0 ? InBody::Mark{sample.p_WT_m, 0} : body.mark;
     body.mark = {sample.p_WT_m, body.tick};
-    body.next_mark += kPathTicks;
+    body.next_mark += body.path_ticks;
   }
   // a path asked for in this tick is due no earlier than the next mark
   body.next_event = body.asked ? std::min(body.due, body.next_mark) : body.next_mark;
@@ -442,11 +511,13 @@ StoredDifference SceneEngine::stepAsStored(const TipSample& sample, const Stored
   if (is_plain_) return needlelab::stepAsStored(*model_, sample, stored, state_, report);
   // the stored structure, as the layer of the path that is nearest to the tip
   StoredTick on_path = stored;
-  if (const PathLayers* const path = this->path(); path != nullptr && stored.layer >= 0) {
+  if (body_ && body_->now != nullptr && stored.layer >= 0) {
+    const PathStack& now = *body_->now;
+    const auto count = static_cast<std::int32_t>(now.model.layer_count);
+    const auto here = static_cast<std::int32_t>(state_.layer);
     std::int32_t nearest = static_cast<std::int32_t>(kMaxLayers);
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(path->count); ++i) {
-      if (path->layers[static_cast<std::size_t>(i)].structure != stored.layer) continue;
-      const auto here = static_cast<std::int32_t>(state_.layer);
+    for (std::int32_t i = 0; i < count; ++i) {
+      if (now.reported[static_cast<std::size_t>(i)] != stored.layer) continue;
       if (nearest == static_cast<std::int32_t>(kMaxLayers) || std::abs(i - here) < std::abs(nearest - here))
         nearest = i;
     }

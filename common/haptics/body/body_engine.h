@@ -1,9 +1,11 @@
 /// The engine with its state, for every scene. In a body it steps on the path that another thread found for
-/// it (FORCE_MODEL.md, "A body"): a path asked for in tick k is used from tick k + 20 on, so a run, a station
-/// and a replay agree. In a scene with PALPATION it also has the needle's cap. In all other scenes it is
+/// it (FORCE_MODEL.md, "A body"): a path asked for in a tick is used 5 ms later, so a run, a station and a
+/// replay agree. In a scene with PALPATION it also has the needle's cap. In all other scenes it is
 /// `step` and one comparison.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -14,8 +16,10 @@
 
 namespace needlelab {
 
-/// From the tick that asks for a path to the one that uses it.
-inline constexpr std::uint64_t kPathTicks = 20;
+/// From the tick that asks for a path to the one that uses it: 5 ms.
+inline std::uint64_t pathTicks(double rate_hz) {
+  return static_cast<std::uint64_t>(std::max(1.0, std::ceil(0.005 * rate_hz)));
+}
 
 /// Makes paths for one engine, one at a time. The engine calls it in its ticks: no function may lock,
 /// allocate or throw, if the engine is to be real-time safe.
@@ -26,8 +30,7 @@ class PathMaker {
   virtual void ask(const PathAsk& ask) noexcept = 0;
   /// Whether it is made; then `made` is it, or null if there is none. The engine owns it until it retires it.
   virtual bool take(PathStack*& made) noexcept = 0;
-  /// The engine uses a path no more; it is not null. A question that was asked before may still read it
-  /// (PathAsk::now): it lives until that is answered.
+  /// The engine uses a path no more; it is not null.
   virtual void retire(PathStack* path) noexcept = 0;
 };
 

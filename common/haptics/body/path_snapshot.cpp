@@ -10,7 +10,7 @@
 namespace needlelab {
 namespace {
 
-constexpr std::uint8_t kPathVersion = 1;
+constexpr std::uint8_t kPathVersion = 2;  // version 1 had planes of bone
 
 Error corruptPath(const std::string& what) {
   return {ErrorCode::kCorrupt, "path in a body: " + what};
@@ -24,25 +24,21 @@ bool isPlane(Vec3 point_m, Vec3 normal) {
 
 Bytes encodePath(const PathSnapshot& snapshot) {
   const PathLayers& path = snapshot.path;
-  assert(path.count <= kMaxStackLayers && path.bones.count <= kMaxBonePlanes);
+  assert(path.count <= kMaxStackLayers);
   Bytes bytes;
   bytes.reserve(kMaxPathBytes);
   ByteWriter to(bytes);
   to.put(kPathVersion);
   to.put(static_cast<std::uint8_t>(path.count));
-  to.put(static_cast<std::uint8_t>(path.bones.count));
   to.put(snapshot.tick);
   putVector(to, path.point_W_m);
   putVector(to, path.normal_W);
-  to.put(path.changes_from_m);
+  putVector(to, path.ball_W_m);
+  to.put(path.ball_radius_m);
+  to.put(path.asked_depth_m);
   for (std::uint32_t i = 0; i < path.count; ++i) {
     to.put(path.layers[i].structure);
     to.put(path.layers[i].top_m);
-  }
-  for (std::size_t i = 0; i < path.bones.count; ++i) {
-    putVector(to, path.bones.planes[i].point_m);
-    putVector(to, path.bones.planes[i].normal);
-    to.put(path.bones.planes[i].structure);
   }
   assert(bytes.size() <= kMaxPathBytes);
   return bytes;
@@ -57,17 +53,20 @@ Result<PathSnapshot> decodePath(ByteView bytes) {
   PathSnapshot snapshot;
   PathLayers& path = snapshot.path;
   path.count = from.get<std::uint8_t>();
-  path.bones.count = from.get<std::uint8_t>();
   snapshot.tick = from.get<std::uint64_t>();
   path.point_W_m = vectorFrom(from);
   path.normal_W = vectorFrom(from);
-  path.changes_from_m = from.get<double>();
+  path.ball_W_m = vectorFrom(from);
+  path.ball_radius_m = from.get<double>();
+  path.asked_depth_m = from.get<double>();
   if (!from.ok()) return corruptPath(fmt::format("{} bytes are too few", bytes.size()));
-  if (path.count == 0 || path.count > kMaxStackLayers || path.bones.count > kMaxBonePlanes)
-    return corruptPath(fmt::format("{} layers and {} bones, allowed are 1 to {} and 0 to {}", path.count,
-                                   path.bones.count, kMaxStackLayers, kMaxBonePlanes));
+  if (path.count == 0 || path.count > kMaxStackLayers)
+    return corruptPath(fmt::format("{} layers, allowed are 1 to {}", path.count, kMaxStackLayers));
   if (!isPlane(path.point_W_m, path.normal_W)) return corruptPath("the skin is not a plane");
-  if (!(path.changes_from_m >= 0)) return corruptPath("where it changes is not a depth");
+  if (!isFinite(path.ball_W_m) || !(path.ball_radius_m >= 0 && path.ball_radius_m <= 1))
+    return corruptPath("where the tip is expected is not a ball");
+  if (!(path.asked_depth_m >= 0 && path.asked_depth_m <= 1))
+    return corruptPath("where it was asked for is not a depth");
   double before_m = 0;
   for (std::uint32_t i = 0; i < path.count; ++i) {
     LayerStack::Layer& layer = path.layers[i];
@@ -79,15 +78,6 @@ Result<PathSnapshot> decodePath(ByteView bytes) {
         layer.structure < kMaxLayers || (layer.structure == kOutside && i > 0 && i + 1 == path.count);
     if (!ascends || !known) return corruptPath(fmt::format("layer {} has a wrong top or structure", i));
     before_m = layer.top_m;
-  }
-  for (std::size_t i = 0; i < path.bones.count; ++i) {
-    BonePlane& plane = path.bones.planes[i];
-    plane.point_m = vectorFrom(from);
-    plane.normal = vectorFrom(from);
-    plane.structure = from.get<std::uint8_t>();
-    if (!from.ok()) return corruptPath(fmt::format("{} bytes are too few", bytes.size()));
-    if (!isPlane(plane.point_m, plane.normal) || plane.structure >= kMaxLayers)
-      return corruptPath(fmt::format("bone {} is not a plane of a structure", i));
   }
   if (from.left() != 0) return corruptPath(fmt::format("{} bytes are left over", from.left()));
   return snapshot;

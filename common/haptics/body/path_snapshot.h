@@ -13,7 +13,7 @@
 namespace needlelab {
 
 /// The maximum length of an encoded path.
-inline constexpr std::size_t kMaxPathBytes = 67 + 9 * kMaxStackLayers + 49 * kMaxBonePlanes;
+inline constexpr std::size_t kMaxPathBytes = 98 + 9 * kMaxStackLayers;
 
 /// A path and the tick of the sample that the station stepped with it: a reader takes the path before that
 /// sample (common/gesture/FORMAT.md, "Paths in a body").
@@ -26,10 +26,10 @@ Bytes encodePath(const PathSnapshot& snapshot);
 /// that is not a unit vector, tops that do not ascend from 0).
 Result<PathSnapshot> decodePath(ByteView bytes);
 
-/// The maximum length of a list of paths, as in a chunk and in a live frame: room for 64 of the longest. A
-/// second has one in 20 ticks, and one for each entry.
+/// The maximum length of a list of paths, as in a chunk and in a live frame: room for 80 of the longest. There
+/// is one for each entry, and at most one in 5 ms while the needle's line turns.
 inline constexpr std::size_t kMaxPathListBytes = 32'768;
-static_assert(64 * (2 + kMaxPathBytes) <= kMaxPathListBytes);
+static_assert(80 * (2 + kMaxPathBytes) <= kMaxPathListBytes);
 /// Appends a path to a list, each after its length. False if the list is full: it is then as before.
 bool appendPath(const PathSnapshot& snapshot, Bytes& list);
 /// The paths of a list in its order, without those that decodePath refuses. Safe for any bytes; a list that

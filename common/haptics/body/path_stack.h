@@ -1,4 +1,4 @@
-/// The path of a needle in a body: the skin as a plane, the layers below it, the bones near the tip. The
+/// The path of a needle in a body: the skin as a plane, the layers below it, the bones near. The
 /// engine steps on one path at a time (body_engine.h); another thread compiles the next one (FORCE_MODEL.md,
 /// "A body").
 #pragma once
@@ -16,16 +16,19 @@ namespace needlelab {
 struct PathLayers {
   Vec3 point_W_m;  ///< on the skin …
   Vec3 normal_W;   ///< … with its unit normal out of the body
-  /// From the skin inwards, tops ascending from 0. The last may be kOutside: the needle has come out of the
-  /// body.
+  /// From the skin inwards, tops ascending from 0, those of bones among them. The last may be kOutside: the
+  /// needle has come out of the body.
   std::array<LayerStack::Layer, kMaxStackLayers> layers{};
   std::uint32_t count = 0;
-  BonesNear bones;
-  /// Down to here it is the path before; infinite if it is the same, 0 for the first of an insertion.
-  double changes_from_m = 0;
+  /// The tip will be in this ball for some time.
+  Vec3 ball_W_m;
+  double ball_radius_m = 0;
+  /// Inside: how deep the tip was when the path was asked for; 0 outside.
+  double asked_depth_m = 0;
 };
 
-/// Whether two paths differ by less than a hand can feel: the same structures, tops and bones within 20 µm.
+/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 20 µm,
+/// and the ball of `b` at most half of a's radius away from it.
 bool alike(const PathLayers& a, const PathLayers& b) noexcept;
 
 /// Instead of a structure in PathStack::reported: the bone that the needle rests on.
@@ -34,7 +37,8 @@ inline constexpr std::int8_t kTouchedBone = -1;
 /// A path ready for the tick.
 struct PathStack {
   PathLayers path;
-  SceneModel model;  ///< layer i is path.layers[i]; with BONE, one of bone follows the last
+  SceneModel model;  ///< its layers are those of the path; with BONE live, bones count as the tissue before
+                     ///< them, and a layer of bone follows the last, where no needle comes
   /// The structure to report for each layer of the model; beyond the body that of the skin.
   std::array<std::int8_t, kMaxLayers> reported{};
 };
@@ -43,16 +47,15 @@ struct PathStack {
 struct PathAsk {
   std::uint64_t tick = 0;  ///< of the engine, in which it asks
   /// 0: the needle is outside, and the path begins at the skin nearest to `p_tip_W_m`. Otherwise the number
-  /// of the insertion, whose path stays as it is down to `keep_m`.
+  /// of the insertion, and the path follows its line.
   std::uint64_t insertion = 0;
   Vec3 p_tip_W_m;      ///< where the tip is expected when the path is used
+  double ball_radius_m = 0;  ///< how far around that bones are asked often
   Vec3 axis_W;         ///< outside: the needle's axis; inside: u
-  Vec3 p_entry_W_m;    ///< inside: P0
+  Vec3 p_entry_W_m;    ///< inside: P0 …
+  Vec3 point_W_m, normal_W;  ///< … and the plane of the skin that the path keeps
   double slant = 1;    ///< inside: c
   double depth_m = 0;  ///< inside: δ of the tip
-  double keep_m = 0;
-  /// Inside: the path in use. It lives, unchanged, until the question is answered (PathMaker::retire).
-  const PathLayers* now = nullptr;
 };
 
 /// Finds a path in the scene's body. False where the body has no skin near the tip, or no tissue below it.

@@ -32,6 +32,9 @@ constexpr double kPassRounding_m = 1e-12;
 constexpr double kNewCut_m = 1e-6;
 /// The squared sine below which two lines diverge by less than a micrometre per metre.
 constexpr double kParallel = 1e-12;
+/// A membrane is at a hole of its structure that is no farther along the track than this, and at no other
+/// membrane of that structure.
+constexpr double kSameHole_m = 3e-3;
 /// Tolerance that keeps a wall at the side of a track in the track despite rounding.
 constexpr double kSide_m = 1e-9;
 
@@ -87,16 +90,42 @@ void turnOwnTrack(SimState& state) {
     CutTrack& own = cuts.tracks[cuts.own];
     own.p_entry_W_m = state.p_entry_W_m;
     own.u_W = state.u_W;
-    own.length_m += state.x_shift_m - cuts.shift_m;
+    const double shift_m = state.x_shift_m - cuts.shift_m;
+    own.length_m += shift_m;
+    for (std::uint32_t i = 0; i < own.hole_count; ++i) own.holes[i].at_m += shift_m;
   }
   cuts.shift_m = state.x_shift_m;
 }
 
-bool hasHoleAt(const CutMemory& cuts, std::uint8_t membrane_id, Vec3 p_W_m, double radius_m) {
-  assert(membrane_id < kMaxLayers && cuts.count <= kMaxCutTracks);
-  for (std::uint32_t i = 0; i < cuts.count; ++i)
-    if ((cuts.tracks[i].membranes >> membrane_id & 1u) != 0 && onTrack(cuts.tracks[i], p_W_m, radius_m).near)
-      return true;
+// whether one of a track's holes is that of a membrane at `along_m` of it
+bool isHole(const SceneModel& model, const SimState& state, std::size_t membrane, const CutTrack& track,
+            double along_m) {
+  const CompiledMembrane& here = model.membranes[membrane];
+  for (std::uint32_t i = 0; i < track.hole_count; ++i) {
+    const CutHole& hole = track.holes[i];
+    const double off_m = std::fabs(along_m - hole.at_m);
+    if (hole.id != model.membrane_ids[membrane] || off_m > kSameHole_m) continue;
+    bool nearest = true;
+    for (std::uint32_t other = 0; other < model.membrane_count && nearest; ++other) {
+      if (other == membrane || model.membrane_ids[other] != hole.id) continue;
+      const double there_m = along_m + (model.membranes[other].top_m - here.top_m) * state.inverse_slant;
+      nearest = std::fabs(there_m - hole.at_m) >= off_m;
+    }
+    if (nearest) return true;
+  }
+  return false;
+}
+
+bool hasHole(const SceneModel& model, const SimState& state, std::size_t membrane, double radius_m) {
+  const std::uint8_t id = model.membrane_ids[membrane];
+  assert(id < kMaxLayers && state.cuts.count <= kMaxCutTracks);
+  const Vec3 p_W_m = pointAt(state, state.membrane_place_m[membrane]);
+  for (std::uint32_t i = 0; i < state.cuts.count; ++i) {
+    const CutTrack& track = state.cuts.tracks[i];
+    if ((track.membranes >> id & 1u) == 0) continue;
+    const OnTrack at = onTrack(track, p_W_m, radius_m);
+    if (at.near && (!model.in_body || isHole(model, state, membrane, track, at.along_m))) return true;
+  }
   return false;
 }
 
@@ -108,10 +137,9 @@ double openMembranes(const SceneModel& model, SimState& state, double x_m, doubl
   bool held_before = false;
   for (std::uint32_t left = intactMembranes(state); left != 0; left &= left - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(left));
-    const double place_m = state.membrane_place_m[i];
-    if (!hasHoleAt(state.cuts, model.membrane_ids[i], pointAt(state, place_m), radius_m)) continue;
+    if (!hasHole(model, state, i, radius_m)) continue;
     open |= 1u << i;
-    held_before = held_before || x_before_m > place_m;
+    held_before = held_before || x_before_m > state.membrane_place_m[i];
   }
   if (open == 0) return 0.0;
   // as in a rupture: the walls follow the tip, and their forces do not change
@@ -206,6 +234,13 @@ void record(const SceneModel& model, SimState& state, double end_m, bool wall_cu
   CutTrack& own = cuts.tracks[cuts.own];
   if (wall_cuts) own.length_m = std::max(own.length_m, state.wall_m);
   own.membranes |= idsOf(model, state.membranes_ruptured);
+  if (!model.in_body) return;
+  for (std::uint32_t left = state.membranes_ruptured & ~cuts.opened; left != 0; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(left));
+    const CutHole hole{model.membrane_ids[i], state.membrane_place_m[i]};
+    cuts.opened |= 1u << i;  // it has its hole
+    if (own.hole_count < kMaxCutHoles) own.holes[own.hole_count++] = hole;
+  }
 }
 
 Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
@@ -237,6 +272,7 @@ void hashCuts(const SimState& state, StateHash& hash) {
     hash.add(cuts.tracks[i].u_W);
     hash.add(cuts.tracks[i].length_m);
     hash.add(std::uint64_t{cuts.tracks[i].membranes});
+    for (std::uint32_t k = 0; k < cuts.tracks[i].hole_count; ++k) hash.add(cuts.tracks[i].holes[k].at_m);
   }
   if (!state.inside) return;
   hash.add(std::uint64_t{cuts.own} | std::uint64_t{cuts.opened} << 32);

@@ -89,11 +89,14 @@ class Layering {
   explicit Layering(LayersAlong& along) : along_(along) { along_.count = along_.at = 0; }
 
   void add(double begin_m, double end_m, const CompiledLayer& layer, std::int64_t index) {
-    if (!(begin_m < end_m)) return;
+    add({begin_m, end_m, layer.friction_N_per_m, 0.0, index < 0 ? 0.0 : layer.lateral_N_per_m2, index});
+  }
+  void add(LayerSpan span) {
+    if (!(span.begin_m < span.end_m)) return;
     assert(along_.count < along_.spans.size());
-    const double friction = layer.friction_N_per_m;
-    along_.spans[along_.count++] = {begin_m, end_m, friction, friction_N_ - friction * begin_m, index};
-    friction_N_ += friction * (end_m - begin_m);
+    span.friction_offset_N = friction_N_ - span.friction_N_per_m * span.begin_m;
+    along_.spans[along_.count++] = span;
+    friction_N_ += span.friction_N_per_m * (span.end_m - span.begin_m);
   }
   /// The last span goes on to here.
   void extend(double end_m) {
@@ -116,18 +119,15 @@ class Layering {
 // the fixture's k: ∫ lateral stiffness up to its maximum, averaged. A kink of the integral spreads over
 // ±kBlend_m
 void blendStiffness(const SceneModel& model, LayersAlong& along) {
-  const auto lateral = [&](const LayerSpan& span) {
-    return span.layer < 0 ? 0.0 : model.layers[static_cast<std::size_t>(span.layer)].lateral_N_per_m2;
-  };
   struct Kink {
     double at_m, change_N_per_m2;
   };
   std::array<Kink, 2 * kMaxLayers> kinks;
   std::uint32_t count = 0;
-  const double first = lateral(along.spans[0]);
+  const double first = along.spans[0].lateral_N_per_m2;
   double k = 0.0, slope = first, from_m = 0.0;
   for (std::uint32_t i = 0; i < along.count; ++i) {
-    const double here = lateral(along.spans[i]);
+    const double here = along.spans[i].lateral_N_per_m2;
     if (i > 0) {
       k += slope * (along.spans[i].begin_m - from_m);
       from_m = along.spans[i].begin_m;
@@ -223,19 +223,21 @@ void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant
   blendStiffness(model, along);
 }
 
-// appends the spans between two places, and joins those of one layer
-void appendSpans(const SceneModel& model, const LayersAlong& from, double begin_m, double end_m,
-                 LayersAlong& to, Layering& layers) {
+// appends the spans between two places, and joins those of one layer; so does the last that has room
+void appendSpans(const LayersAlong& from, double begin_m, double end_m, LayersAlong& to, Layering& layers) {
   for (std::uint32_t i = 0; i < from.count; ++i) {
-    const LayerSpan& span = from.spans[i];
-    const double first_m = std::max(span.begin_m, begin_m), last_m = std::min(span.end_m, end_m);
-    if (!(first_m < last_m)) continue;
-    const CompiledLayer& layer =
-        span.layer < 0 ? model.beyond : model.layers[static_cast<std::size_t>(span.layer)];
-    if (to.count > 0 && to.spans[to.count - 1].layer == span.layer)
-      layers.extend(last_m);
+    LayerSpan span = from.spans[i];
+    span.begin_m = std::max(span.begin_m, begin_m);
+    span.end_m = std::min(span.end_m, end_m);
+    if (!(span.begin_m < span.end_m)) continue;
+    const LayerSpan* const last = to.count > 0 ? &to.spans[to.count - 1] : nullptr;
+    const bool joins = last != nullptr && last->layer == span.layer &&
+                       last->friction_N_per_m == span.friction_N_per_m &&
+                       last->lateral_N_per_m2 == span.lateral_N_per_m2;
+    if (joins || to.count == to.spans.size())
+      layers.extend(span.end_m);
     else
-      layers.add(first_m, last_m, layer, span.layer);
+      layers.add(span);
   }
 }
 
@@ -246,17 +248,19 @@ void relayLayers(const SceneModel& model, SimState& state) noexcept {
   const double d_m = tick.insertion_m;
   LayersAlong ahead;
   layLine(model, state.p_entry_W_m, state.u_W, state.slant, ahead);
-  const double before_J = fixtureEnergy(model, lateralStiffness(state.along, d_m).k_N_per_m, tick.lateral_m);
+  const LateralStiffness before = lateralStiffness(state.along, d_m);
   for (const double keep_m : {kKeepAhead_m, kBlend_m}) {
     LayersAlong relaid;
     Layering layers(relaid);
-    appendSpans(model, state.along, 0.0, d_m + keep_m, relaid, layers);
-    appendSpans(model, ahead, d_m + keep_m, kNoEnd, relaid, layers);
+    appendSpans(state.along, 0.0, d_m + keep_m, relaid, layers);
+    appendSpans(ahead, d_m + keep_m, kNoEnd, relaid, layers);
     layers.close();
     relaid.deepest_m = kNoEnd;
     blendStiffness(model, relaid);
-    const double k_N_per_m = lateralStiffness(relaid, d_m).k_N_per_m;
-    if (keep_m < kBlend_m && fixtureEnergy(model, k_N_per_m, tick.lateral_m) > before_J) continue;
+    // neither what holds the needle aside nor what pushes it out may grow
+    const LateralStiffness now = lateralStiffness(relaid, d_m);
+    if (keep_m < kBlend_m && (now.k_N_per_m > before.k_N_per_m || now.slope_N_per_m2 > before.slope_N_per_m2))
+      continue;
     return copyLayers(relaid, state.along);
   }
 }

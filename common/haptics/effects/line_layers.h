@@ -27,8 +27,7 @@ void layLayers(const SceneModel& model, Vec3 p_entry_W_m, Vec3 u_W, double slant
 void layStraight(const SceneModel& model, LayersAlong& along) noexcept;
 
 /// In a body, on a new path: lays the layers ahead of the tip of the last tick again, and keeps those behind
-/// it. The fixture's force and energy may only fall; where they would rise, layers stay as far as the fixture
-/// looks ahead.
+/// it. The fixture's force may only fall; where it would rise, layers stay as far as the fixture looks ahead.
 void relayLayers(const SceneModel& model, SimState& state) noexcept;
 
 /// Stiffness of the fixture at an inserted length.

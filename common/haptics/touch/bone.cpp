@@ -33,6 +33,7 @@ double belowBonePlane(const SceneModel& model, Vec3 p_W_m) {
 // the outermost layer of bone
 struct BoneLayer {
   const SceneModel& model;
+  Vec3 /*u*/ unused_W;
   static constexpr bool kIsConvex = true;
 
   // a slanting bone ends at the skin

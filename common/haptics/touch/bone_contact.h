@@ -36,9 +36,12 @@ inline constexpr int kMaxSteps = 64;
 inline constexpr double kMaxHeld = 0.9;
 inline constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
-// A surface of bone is made from the scene's model, and besides what a proxy's surface has (proxy_contact.h)
-// it has
+// A surface of bone is made from the scene's model and u, and besides what a proxy's surface has
+// (proxy_contact.h) it has
 //   bool meets(from, to, at&) const;              whether the tip's way meets the bone, and where
+// and where it is not convex
+//   bool isClear(bone, from, to) const;           whether a ball without bone, found before, has the way
+//   void findClear(tip, bone&) const;             finds one
 
 inline double frictionOf(const SceneModel& model) {
   return model.stage_numbers[kBoneOwn][kBoneFriction];
@@ -79,8 +82,9 @@ Vec3 firstProxy(const Surface& bone, Vec3 from_W_m, Vec3 at_W_m, Vec3 way) {
 // updates the contact for this tick's tip, which is `depth_m` under the skin. `from_W_m`: the last tip; used
 // when it did not touch the bone
 template <class Surface>
-void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double depth_m, BoneContact& bone) {
-  const Surface surface{model};
+void updateContact(const SceneModel& model, Vec3 u_W, Vec3 from_W_m, Vec3 tip_W_m, double depth_m,
+                   BoneContact& bone) {
+  const Surface surface{model, u_W};
   const double friction = frictionOf(model);
   if (bone.touching) {
     const Vec3 before_W_m = bone.p_proxy_W_m - bone.stretch_W_m;
@@ -89,7 +93,12 @@ void updateContact(const SceneModel& model, Vec3 from_W_m, Vec3 tip_W_m, double 
     bone.touching = followTip(surface, friction, tip_W_m, max_change_m, bone);
   } else {
     Vec3 at_W_m;
-    if (!surface.meets(from_W_m, tip_W_m, at_W_m)) return;
+    if constexpr (!Surface::kIsConvex)
+      if (surface.isClear(bone, from_W_m, tip_W_m)) return;
+    if (!surface.meets(from_W_m, tip_W_m, at_W_m)) {
+      if constexpr (!Surface::kIsConvex) surface.findClear(tip_W_m, bone);
+      return;
+    }
     bone.p_proxy_W_m = firstProxy(surface, from_W_m, at_W_m, tip_W_m - from_W_m);
     forgetTissue(bone);
     const double max_change_m = mostChange(friction, model.period_s, norm(tip_W_m - from_W_m));
@@ -114,7 +123,7 @@ TipSample holdTip(const SceneModel& model, const TipSample& sample, SimState& st
     bone = {};
     return felt;
   }
-  updateContact<Surface>(model, state.p_prev_W_m, sample.p_WT_m, depth_m, bone);
+  updateContact<Surface>(model, state.u_W, state.p_prev_W_m, sample.p_WT_m, depth_m, bone);
   if (!bone.touching) return felt;
   const double tip_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
   const double proxy_m = dot(state.u_W, bone.p_proxy_W_m - state.p_entry_W_m);
@@ -205,7 +214,7 @@ Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, 
   BoneContact& bone = state.bone;
   // an insertion has no u before its first tick, so the tissue feels this tip where it is
   if ((report.flags & kFlagEntry) != 0)
-    updateContact<Surface>(model, state.p_entry_W_m, felt.p_WT_m, report.depth_m, bone);
+    updateContact<Surface>(model, state.u_W, state.p_entry_W_m, felt.p_WT_m, report.depth_m, bone);
   // the needle is either on the bone or in the tissue, even if its depth says otherwise
   const auto layer = static_cast<std::int32_t>(model.bone_layer);
   report.layer = bone.touching ? layer : std::min(report.layer, layer - 1);

@@ -8,13 +8,15 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <variant>
 
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/spec_checker.h"
 #include "common/haptics/state_hash.h"
 #include "common/haptics/surface.h"
 #include "common/haptics/tick.h"
-#include "common/haptics/touch/touching_planes.h"
+#include "common/haptics/touch/on_bones.h"
 
 namespace needlelab {
 namespace {
@@ -25,10 +27,6 @@ constexpr std::size_t kPalpationOwn = stageOf(Effect::kPalpation);
 /// Among the numbers for the tick, in shells: the depth of the outermost bone, infinite if there is none; and
 /// under a plane its unit normal, out of the bone.
 constexpr std::size_t kBoneDepth_m = 4, kBoneNormal = 5;
-/// Bones this much farther away than the ball's surface are looked at, too.
-constexpr double kBonesWithin_m = 0.010;
-/// A proxy that slides into a hollow of a bone may come this deep below the plane that touches it there.
-constexpr double kInBone_m = 2e-4;
 /// A body's depth is not exact where parts of the skin blend, but less wrong than this: nearer than that, the
 /// skin is looked for.
 constexpr double kInexact_m = 0.001;
@@ -85,40 +83,30 @@ void compilePalpation(const SceneSpec& spec, SceneModel& model) {
   numbers[kBoneNormal + 2] = normal.z;
 }
 
-// shells: the outermost layer of bone; one that slants ends at the skin
-BonesNear boneOfShells(const SceneModel& scene, Vec3 p_W_m, Vec3 motion) {
+// shells: what stops the ball's centre
+struct PlaneUnderBall {
+  Vec3 point_W_m, normal_W;
+  static constexpr bool kIsConvex = true;
+  [[nodiscard]] double depth(Vec3 p_W_m) const { return -dot(normal_W, p_W_m - point_W_m); }
+  [[nodiscard]] Vec3 normal(Vec3 /*p_W_m*/, Vec3 /*motion*/) const { return normal_W; }
+};
+
+// shells: the outermost layer of bone at a place; one that slants ends at the skin
+std::optional<PlaneUnderBall> boneOfShells(const SceneModel& scene, Vec3 p_W_m, Vec3 motion) {
   const StageNumbers& numbers = numbersOf(scene);
   const double top_m = numbers[kBoneDepth_m], depth_m = signedDepth(scene.limb, p_W_m);
-  BonesNear near;
-  if (!std::isfinite(top_m)) return near;
-  near.count = 1;
+  if (!std::isfinite(top_m)) return std::nullopt;
+  PlaneUnderBall found;
   if (!scene.is_plane) {
     const Vec3 normal = surfaceNormal(scene.limb, p_W_m, motion);
-    near.planes[0] = {p_W_m - normal * (top_m - depth_m), normal, 0};
-    return near;
+    found = {p_W_m - normal * (top_m - depth_m), normal};
+  } else {
+    found = {scene.plane_point_m - scene.plane_normal * top_m,
+             {numbers[kBoneNormal], numbers[kBoneNormal + 1], numbers[kBoneNormal + 2]}};
+    if (found.depth(p_W_m) > depth_m) found = {scene.plane_point_m, scene.plane_normal};
   }
-  const BonePlane bone{scene.plane_point_m - scene.plane_normal * top_m,
-                       {numbers[kBoneNormal], numbers[kBoneNormal + 1], numbers[kBoneNormal + 2]},
-                       0};
-  const bool in_skin = TouchingPlanes::below(bone, p_W_m) <= depth_m;
-  near.planes[0] = in_skin ? bone : BonePlane{scene.plane_point_m, scene.plane_normal, 0};
-  return near;
-}
-
-// The bones near a place, as planes that stop the ball's centre. A plane that touches a bone behind a corner
-// may lie over the place, though the bone does not: one that is more than `most_m` above it does not count.
-BonesNear bonesUnderBall(const SceneModel& scene, Vec3 p_W_m, Vec3 motion, double most_m) {
-  const double radius_m = numbersOf(scene)[kPalpationRadius_m];
-  const auto* const body = std::get_if<BodyLimb>(&scene.limb);
-  const BonesNear all = body != nullptr ? bonesNear(*body, p_W_m, radius_m + kBonesWithin_m)
-                                        : boneOfShells(scene, p_W_m, motion);
-  BonesNear near;
-  for (std::size_t i = 0; i < all.count; ++i) {
-    BonePlane plane = all.planes[i];
-    plane.point_m = plane.point_m + plane.normal * radius_m;
-    if (!(TouchingPlanes::below(plane, p_W_m) > most_m)) near.planes[near.count++] = plane;
-  }
-  return near;
+  found.point_W_m = found.point_W_m + found.normal_W * numbers[kPalpationRadius_m];
+  return found;
 }
 
 // releases a surface that the tip has left: the spring shortens to nothing, within `most_m` at once
@@ -164,22 +152,27 @@ void touchSkin(const SceneModel& scene, Vec3 tip_W_m, Vec3 motion, const Pressed
   if (skin.touching) skin.stretch_W_m = skin.p_proxy_W_m - tip_W_m;
 }
 
-void touchBones(const SceneModel& scene, Vec3 tip_W_m, Vec3 motion, ProxyContact& bone) {
+// one deeper in the bone than it came in this tick began there, and touches nothing
+template <class Surface>
+void touch(const Surface& surface, double most_m, Vec3 tip_W_m, Vec3 motion, ProxyContact& bone) {
+  if (bone.touching) {
+    bone.touching = followTip(surface, 0.0, tip_W_m, most_m, bone);
+    if (!bone.touching) bone = {};
+  } else if (const double depth_m = surface.depth(tip_W_m); depth_m > 0.0 && !(depth_m > most_m)) {
+    bone.p_proxy_W_m = onto(surface, tip_W_m, surface.normal(tip_W_m, motion));
+    bone.touching = true;
+  }
+}
+
+void touchBones(const SceneModel& scene, const PlacedBones& bones, Vec3 tip_W_m, Vec3 motion,
+                ProxyContact& bone) {
   const double most_m = mostChange(0.0, scene.period_s, norm(motion));
-  const BonesNear near = bone.touching ? bonesUnderBall(scene, bone.p_proxy_W_m, motion, kInBone_m)
-                                       : bonesUnderBall(scene, tip_W_m, motion, most_m);
-  if (near.count == 0) {
+  if (bones.bones != nullptr) {
+    touch(OnBones{bones, numbersOf(scene)[kPalpationRadius_m]}, most_m, tip_W_m, motion, bone);
+  } else if (std::holds_alternative<BodyLimb>(scene.limb)) {
     if (bone.touching) release(tip_W_m, most_m, bone);
-  } else {
-    const TouchingPlanes surface{{near.planes.data(), near.count}};
-    if (!bone.touching) {
-      if (!(surface.depth(tip_W_m) > 0.0)) return;
-      bone.p_proxy_W_m = onto(surface, tip_W_m, surface.normal(tip_W_m, motion));
-      bone.touching = true;
-    } else {
-      bone.touching = followTip(surface, 0.0, tip_W_m, most_m, bone);
-      if (!bone.touching) bone = {};
-    }
+  } else if (const auto plane = boneOfShells(scene, bone.touching ? bone.p_proxy_W_m : tip_W_m, motion)) {
+    touch(*plane, most_m, tip_W_m, motion, bone);
   }
   if (bone.touching) bone.stretch_W_m = bone.p_proxy_W_m - tip_W_m;
 }
@@ -218,7 +211,8 @@ void setCap(bool on, bool clear, SimState& state) noexcept {
   state.inside = state.in_limb = state.outside_once = false;
 }
 
-void palpate(const SceneModel& scene, const TipSample& sample, SimState& state, StepReport& report) noexcept {
+void palpate(const SceneModel& scene, const PlacedBones& bones, const TipSample& sample, SimState& state,
+             StepReport& report) noexcept {
   assert(state.palpation.capped && !state.inside);
   report.stage_N.fill(0.0);
   if (!isFinite(sample)) return clearReport(report, 0.0, kFlagNotStepped | kFlagCapped);
@@ -230,7 +224,7 @@ void palpate(const SceneModel& scene, const TipSample& sample, SimState& state, 
   if (!(pressed.depth_m > 0.0)) now.clear = true;
   if (now.clear) {
     touchSkin(scene, sample.p_WT_m, motion, pressed, now.skin);
-    touchBones(scene, sample.p_WT_m, motion, now.bone);
+    touchBones(scene, bones, sample.p_WT_m, motion, now.bone);
     Vec3 force_W_N = now.skin.stretch_W_m * numbersOf(scene)[kPalpationSkin_N_per_m] +
                      now.bone.stretch_W_m * numbersOf(scene)[kPalpationBone_N_per_m];
     report.stage_N[kPalpationOwn] = norm(force_W_N);

@@ -19,8 +19,10 @@ bool changeCap(const SceneModel& scene, bool on, const TipSample& sample, SimSta
 /// ball has been off the skin. Real-time safe.
 void setCap(bool on, bool clear, SimState& state) noexcept;
 
-/// A tick with the cap on, instead of `step`. `scene`: in a body, its own model, not that of a path. It asks
-/// the limb where skin and bones are, in this tick: tens of microseconds in a body. Real-time safe.
-void palpate(const SceneModel& scene, const TipSample& sample, SimState& state, StepReport& report) noexcept;
+/// A tick with the cap on, instead of `step`. `scene`: in a body, its own model, not that of a path; `bones`:
+/// those of the path. It asks the limb where the skin is, in this tick: tens of microseconds in a body.
+/// Real-time safe.
+void palpate(const SceneModel& scene, const PlacedBones& bones, const TipSample& sample, SimState& state,
+             StepReport& report) noexcept;
 
 }  // namespace needlelab

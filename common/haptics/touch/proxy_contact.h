@@ -25,30 +25,25 @@ inline constexpr double kOnSurface_m = 1e-9;
 /// How much faster than the tip the proxy may fall over an edge: 4 mm in 0.2 s.
 inline constexpr double kFallSpeed_mps = 0.020;
 
-/// What a proxy on several surfaces lies on: one of them, or an edge between two.
-struct Rest {
-  Vec3 normal;           ///< of the one that the tip presses most
-  bool on_edge = false;  ///< the tip also presses another one …
-  Vec3 edge;             ///< … and the proxy slips only along this unit vector
-};
-
 // A surface is a type with
 //   double depth(p_W_m) const;                    positive beyond it; changes by no more than p moves
 //   Vec3 normal(p_W_m, motion) const;             out of it, at the nearest place on it
-//   static constexpr bool kIsConvex               if not, also:
-//   Rest rest(proxy, to_tip) const;
-//   Vec3 clipped(proxy, step) const;              the part of a step up to another surface
+//   static constexpr bool kIsConvex               if not (on_bones.h), also:
+//   Vec3 onto(p_W_m) const;                       a place on it, near a place
+//   bool meets(from, to, begins_on, at&) const;   whether a way meets it, and where
+//   bool reaches(from, to, tip) const;            whether the proxy may go there
 
 // the nearest place on the surface
 template <class Surface>
 Vec3 onto(const Surface& surface, Vec3 p_W_m, Vec3 normal_W) {
+  if constexpr (!Surface::kIsConvex) return surface.onto(p_W_m);
   return p_W_m + normal_W * surface.depth(p_W_m);
 }
 
-// moves a place outside the surface onto it; one beyond it stays
+// moves a place outside the surface onto it; one beyond it stays, or comes out of a surface with hollows
 template <class Surface>
 Vec3 outOf(const Surface& surface, Vec3 p_W_m, Vec3 motion) {
-  if (surface.depth(p_W_m) > kOnSurface_m) return p_W_m;
+  if (Surface::kIsConvex && surface.depth(p_W_m) > kOnSurface_m) return p_W_m;
   return onto(surface, p_W_m, surface.normal(p_W_m, motion));
 }
 
@@ -84,8 +79,8 @@ void backOnto(const Surface& surface, Vec3 tip_W_m, double max_m, ProxyContact& 
 }
 
 // Moves the proxy along the surface toward the tip until friction holds it or the stretch has changed by
-// max_m. Returns false when the tip has left the surface and the proxy has reached it. A surface is convex
-// where the proxy is: if the tip is beyond the tangent plane there, nothing is in between.
+// max_m. Returns false when the tip has left the surface and the proxy has reached it. A convex surface has
+// nothing between a proxy and a tip beyond the tangent plane there; one with hollows is looked at on the way.
 template <class Surface>
 bool followTip(const Surface& surface, double friction, Vec3 tip_W_m, double max_m, ProxyContact& contact) {
   Vec3& proxy_W_m = contact.p_proxy_W_m;
@@ -93,24 +88,24 @@ bool followTip(const Surface& surface, double friction, Vec3 tip_W_m, double max
   for (int slip = 0; slip <= kMaxSlips; ++slip) {
     const Vec3 to_tip = tip_W_m - proxy_W_m;
     const Vec3 change = -to_tip - contact.stretch_W_m;
-    Rest rest;
-    if constexpr (Surface::kIsConvex)
-      rest.normal = surface.normal(proxy_W_m, to_tip);
-    else
-      rest = surface.rest(proxy_W_m, to_tip);
-    double pressed_m = -dot(rest.normal, to_tip);
+    const Vec3 normal = surface.normal(proxy_W_m, to_tip);
+    const double pressed_m = -dot(normal, to_tip);
     if (!(pressed_m > 0.0)) {
       const double share = shareWithin(change, to_tip, max_m);
-      Vec3 step = to_tip * share;
-      if constexpr (!Surface::kIsConvex) step = surface.clipped(proxy_W_m, step);
+      const Vec3 step = to_tip * share;
+      if constexpr (!Surface::kIsConvex) {
+        Vec3 at_W_m;
+        if (surface.meets(proxy_W_m, proxy_W_m + step, true, at_W_m)) {
+          const bool moved = !(at_W_m == proxy_W_m);
+          proxy_W_m = at_W_m;
+          if (moved) continue;
+          return true;
+        }
+      }
       proxy_W_m = proxy_W_m + step;
-      return share < 1.0 || (!Surface::kIsConvex && !(step == to_tip));
+      return share < 1.0;
     }
-    Vec3 along = to_tip + rest.normal * pressed_m;
-    if (!Surface::kIsConvex && rest.on_edge) {
-      along = rest.edge * dot(rest.edge, to_tip);
-      pressed_m = norm(to_tip - along);
-    }
+    const Vec3 along = to_tip + normal * pressed_m;
     const double along_m = norm(along), sticks_m = friction * pressed_m;
     if (along_m <= sticks_m || slip == kMaxSlips) return true;
     const Vec3 move = along * (1.0 - sticks_m / along_m);
@@ -120,13 +115,14 @@ bool followTip(const Surface& surface, double friction, Vec3 tip_W_m, double max
     bool moved = false, cut = max_share < 1.0;
     for (double share = max_share; !moved && share > 0.05 * max_share; share *= 0.5) {
       Vec3 step = outOf(surface, proxy_W_m + move * share, to_tip) - proxy_W_m;
-      if constexpr (!Surface::kIsConvex) step = surface.clipped(proxy_W_m, step);
       if (outside) {
         const double step_share = shareWithin(change, step, max_m);
         step = step * step_share;
         cut = cut || step_share < 1.0;
       }
       moved = normSquared(to_tip - step) < normSquared(to_tip);
+      if constexpr (!Surface::kIsConvex)
+        moved = moved && surface.reaches(proxy_W_m, proxy_W_m + step, tip_W_m);
       if (moved) proxy_W_m = proxy_W_m + step;
     }
     if (!moved || cut) return true;

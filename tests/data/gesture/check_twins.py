@@ -74,11 +74,17 @@ def column_block(data, rows, last, before):
 
 def cut_memory(data):
     version, count, place, zero, tick, insertions = struct.unpack_from("<BBBBQQ", data)
-    assert version == 2 and zero == 0 and len(data) == 20 + 60 * count
-    tracks = []
+    assert version in (2, 3) and zero == 0
+    tracks, at = [], 20
     for i in range(count):
-        *entry, ux, uy, uz, length, membranes = struct.unpack_from("<7dI", data, 20 + 60 * i)
+        *entry, ux, uy, uz, length, membranes = struct.unpack_from("<7dI", data, at)
+        at += 60
         tracks.append({"entry_m": entry, "direction": [ux, uy, uz], "length_m": length, "membranes": membranes})
+        if version == 3:
+            holes = data[at]
+            tracks[-1]["holes"] = [list(struct.unpack_from("<Bd", data, at + 1 + 9 * k)) for k in range(holes)]
+            at += 1 + 9 * holes
+    assert at == len(data)
     return {"tick": tick, "insertions": insertions, "next": place, "tracks": tracks}
 
 
@@ -86,17 +92,14 @@ def paths_in(data):
     paths, at = [], 0
     while at < len(data):
         end = at + 2 + struct.unpack_from("<H", data, at)[0]
-        version, layers, bones, tick, *numbers = struct.unpack_from("<BBBQ7d", data, at + 2)
-        assert version == 1
-        at += 2 + 67
-        path = {"tick": tick, "point_m": numbers[:3], "normal": numbers[3:6], "changes_from_m": numbers[6], "layers": [], "bones": []}
+        version, layers, tick, *numbers = struct.unpack_from("<BBQ11d", data, at + 2)
+        assert version == 2
+        at += 2 + 98
+        path = {"tick": tick, "point_m": numbers[:3], "normal": numbers[3:6], "ball_m": numbers[6:9],
+                "ball_radius_m": numbers[9], "asked_depth_m": numbers[10], "layers": []}
         for _ in range(layers):
             path["layers"].append(list(struct.unpack_from("<Bd", data, at)))
             at += 9
-        for _ in range(bones):
-            *plane, structure = struct.unpack_from("<6dB", data, at)
-            path["bones"].append({"point_m": plane[:3], "normal": plane[3:], "structure": structure})
-            at += 49
         assert at == end
         paths.append(path)
     return paths

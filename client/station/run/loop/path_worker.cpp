@@ -2,7 +2,14 @@
 
 #include <memory>
 
+#include "client/station/run/loop/real_time.h"
+
 namespace needlelab {
+namespace {
+
+constexpr int kPriority = 20;  // SCHED_FIFO; the haptic loop has 80
+
+}  // namespace
 
 PathWorker::PathWorker(const SceneModel& body) : body_(body), thread_([this] { work(); }) {}
 
@@ -13,18 +20,16 @@ PathWorker::~PathWorker() {
   for (PathStack* made = nullptr; made_.pop(made);) delete made;
 }
 
-PathWorker::Retired PathWorker::takeRetired() {
-  Retired retired;
-  for (PathStack* path = nullptr; retired_.pop(path);) retired.emplace_back(path);
-  return retired;
+void PathWorker::takeRetired() {
+  for (PathStack* path = nullptr; retired_.pop(path);) delete path;
 }
 
 void PathWorker::work() {
+  // without permission it keeps its normal priority, which matters only on a busy machine
+  static_cast<void>(makeThreadRealTime(kPriority));
   PathAsk ask;
   while (!stop_.load(std::memory_order_relaxed)) {
-    // taken before the question, deleted after its answer: one that was asked before a path was retired may
-    // read that path
-    const Retired retired = takeRetired();
+    takeRetired();
     if (!asks_.pop(ask)) {
       std::this_thread::sleep_for(kPathPoll);
       continue;

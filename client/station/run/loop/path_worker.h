@@ -3,20 +3,18 @@
 
 #include <atomic>
 #include <chrono>
-#include <memory>
 #include <thread>
-#include <vector>
 
 #include "common/base/wait_free.h"
 #include "common/haptics/body/body_engine.h"
 
 namespace needlelab {
 
-/// How often the worker looks for a question. A path takes about 0.1 ms and is used 20 ticks after it was
-/// asked for.
+/// How often the worker looks for a question. A path takes about 0.1 ms and is used 5 ms after it was asked
+/// for.
 inline constexpr std::chrono::milliseconds kPathPoll{1};
 
-/// A thread of normal priority that looks for questions and makes the paths. `ask`, `take` and `retire` are
+/// A thread below the haptic loop's priority, above ordinary work, that looks for questions and makes the paths. `ask`, `take` and `retire` are
 /// for one thread, the haptic thread, and are wait-free. Must outlive the engine that asks.
 class PathWorker final : public PathMaker {
  public:
@@ -31,9 +29,8 @@ class PathWorker final : public PathMaker {
   void retire(PathStack* path) noexcept override { retired_.push(path); }
 
  private:
-  using Retired = std::vector<std::unique_ptr<PathStack>>;
   void work();
-  Retired takeRetired();
+  void takeRetired();
 
   const SceneModel& body_;
   // one question is open at a time; a path is retired when another is taken

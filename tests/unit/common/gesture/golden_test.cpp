@@ -115,11 +115,11 @@ Bytes madePaths() {
   entry.path.layers[2] = {kOutside, 0.0375};
   PathSnapshot next = entry;
   next.tick = 100'022;
-  next.path.changes_from_m = 0.002;
+  next.path.asked_depth_m = 0.002;
+  next.path.ball_W_m = {0.1, 0.2, 0.25};
+  next.path.ball_radius_m = 0.0125;
   next.path.layers[1].top_m = 0.00225;
   next.path.layers[2] = {7, 0.03};
-  next.path.bones.count = 1;
-  next.path.bones.planes[0] = {{0.1, 0.2, 0.25}, {0, 0, 1}, 7};
   Bytes list;
   EXPECT_TRUE(appendPath(entry, list) && appendPath(next, list));
   return list;
@@ -170,17 +170,11 @@ std::string twinOf(const std::vector<PathSnapshot>& paths) {
     const PathLayers& path = snapshot.path;
     text += (text.size() == 1 ? "\n{\"tick\":" : ",\n{\"tick\":") + std::to_string(snapshot.tick) +
             ",\"point_m\":" + listed(path.point_W_m) + ",\"normal\":" + listed(path.normal_W) +
-            ",\"changes_from_m\":" + number(path.changes_from_m) + ",\"layers\":[";
+            ",\"ball_m\":" + listed(path.ball_W_m) + ",\"ball_radius_m\":" + number(path.ball_radius_m) +
+            ",\"asked_depth_m\":" + number(path.asked_depth_m) + ",\"layers\":[";
     for (std::uint32_t i = 0; i < path.count; ++i)
       text += (i == 0 ? "[" : ",[") + std::to_string(path.layers[i].structure) + "," +
               number(path.layers[i].top_m) + "]";
-    text += "],\"bones\":[";
-    for (std::size_t i = 0; i < path.bones.count; ++i) {
-      const BonePlane& plane = path.bones.planes[i];
-      text += std::string(i == 0 ? "" : ",") + "{\"point_m\":" + listed(plane.point_m) +
-              ",\"normal\":" + listed(plane.normal) + ",\"structure\":" + std::to_string(plane.structure) +
-              "}";
-    }
     text += "]}";
   }
   return text + "]";

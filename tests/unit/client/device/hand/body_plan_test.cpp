@@ -30,10 +30,12 @@ class BallBody final : public Body {
     return depth(p_m) > 0 ? StructureIndex{0} : kOutside;
   }
   [[nodiscard]] LayerStack layersAlong(Vec3 /*from_m*/, Vec3 /*axis*/, double /*reach_m*/,
-                                       double /*min_layer_m*/) const noexcept override {
+                                       double /*min_layer_m*/, AtBone /*at_bone*/) const noexcept override {
     return {};
   }
-  [[nodiscard]] BonesNear bonesNear(Vec3 /*p_m*/, double /*within_m*/) const noexcept override { return {}; }
+  [[nodiscard]] std::shared_ptr<const Bones> bonesIn(Vec3 /*center_m*/, double /*radius_m*/) const override {
+    return nullptr;
+  }
 
   static constexpr Vec3 kCenter{0, 0, -kSkinRadius_m};
 

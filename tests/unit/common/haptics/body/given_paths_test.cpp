@@ -105,16 +105,14 @@ PathSnapshot anyPath(Random& random, std::uint64_t tick) {
   PathLayers& path = made.path;
   path.point_W_m = randomPoint(random, {-5, -5, -5}, {5, 5, 5});
   path.normal_W = direction();
-  path.changes_from_m = random.in(0, 0.02);
+  path.asked_depth_m = random.in(0, 0.02);
+  path.ball_W_m = randomPoint(random, {-5, -5, -30}, {5, 5, 0});
+  path.ball_radius_m = random.in(0, 0.05);
   path.count = static_cast<std::uint32_t>(random.in(1, 8));
   for (std::uint32_t i = 0; i < path.count; ++i)
     path.layers[i] = {static_cast<StructureIndex>(random.in(0, 5)),
                       i == 0 ? 0 : path.layers[i - 1].top_m + random.in(1e-9, 0.005)};
   if (random.in(0, 1) < 0.2 && path.count > 1) path.layers[path.count - 1].structure = kOutside;
-  path.bones.count = static_cast<std::size_t>(random.in(0, 3.99));
-  for (std::size_t i = 0; i < path.bones.count; ++i)
-    path.bones.planes[i] = {randomPoint(random, {-5, -5, -30}, {5, 5, 0}), direction(),
-                            static_cast<StructureIndex>(random.in(0, 5))};
   return made;
 }
 

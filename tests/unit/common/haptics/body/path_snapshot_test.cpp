@@ -17,14 +17,13 @@ PathSnapshot example() {
   PathLayers& path = snapshot.path;
   path.point_W_m = {0.01, -0.02, 0.03};
   path.normal_W = {0.6, 0, 0.8};
-  path.changes_from_m = 0.004;
+  path.ball_W_m = {0.01, -0.02, 0.02};
+  path.ball_radius_m = 0.012;
+  path.asked_depth_m = 0.004;
   path.count = 3;
   path.layers[0] = {5, 0};
   path.layers[1] = {0, 0.002};
   path.layers[2] = {kOutside, 0.011};
-  path.bones.count = 2;
-  path.bones.planes[0] = {{0, 0, -0.01}, {0, 0, 1}, 7};
-  path.bones.planes[1] = {{0.01, 0, -0.01}, {0, 1, 0}, 8};
   return snapshot;
 }
 
@@ -37,16 +36,11 @@ TEST(PathSnapshot, comesBackBitForBit) {
   EXPECT_EQ(after->tick, before.tick);
   EXPECT_EQ(after->path.point_W_m, before.path.point_W_m);
   EXPECT_EQ(after->path.normal_W, before.path.normal_W);
-  EXPECT_EQ(after->path.changes_from_m, before.path.changes_from_m);
+  EXPECT_EQ(after->path.ball_W_m, before.path.ball_W_m);
+  EXPECT_EQ(after->path.ball_radius_m, before.path.ball_radius_m);
+  EXPECT_EQ(after->path.asked_depth_m, before.path.asked_depth_m);
   EXPECT_EQ(after->path.layers, before.path.layers);
-  EXPECT_EQ(after->path.bones.planes, before.path.bones.planes);
   EXPECT_EQ(encodePath(*after), bytes);
-}
-
-TEST(PathSnapshot, keepsAPathThatNeverChanges) {
-  PathSnapshot snapshot = example();
-  snapshot.path.changes_from_m = std::numeric_limits<double>::infinity();
-  EXPECT_TRUE(decodePath(encodePath(snapshot)).ok());
 }
 
 TEST(PathSnapshot, refusesWhatIsNoPath) {
@@ -77,11 +71,11 @@ TEST(PathSnapshot, refusesWhatIsNoPath) {
   bad.path.count = 0;
   refused(bad, "0 layers");
   bad = example();
-  bad.path.changes_from_m = -1;
-  refused(bad, "changes");
+  bad.path.asked_depth_m = -1;
+  refused(bad, "not a depth");
   bad = example();
-  bad.path.bones.planes[1].normal = {0, 1, 1};
-  refused(bad, "bone 1");
+  bad.path.ball_radius_m = 2;
+  refused(bad, "not a ball");
 }
 
 TEST(PathSnapshot, refusesEveryShorterAndLongerText) {
