@@ -36,12 +36,12 @@ Vec3 directionOf(const Distance& distance, Vec3 p_m) noexcept {
 /// The bones of a field: the parts that matter in a ball, and all of them.
 class FieldBones final : public Bones {
  public:
-  FieldBones(const Field& field, StructureMask mask, Vec3 center_m, double radius_m)
+  FieldBones(const Field& field, const Field::InBall& all, StructureMask mask, Vec3 center_m, double radius_m)
       : mask_(mask),
         center_m_(center_m),
         radius_m_(radius_m),
         near_(field.inBall(center_m, radius_m, mask)),
-        all_(field.inBall({}, std::numeric_limits<double>::infinity(), mask)) {}
+        all_(all) {}
 
   // beyond the ball's edge there may be bone that it does not know
   [[nodiscard]] double distance(Vec3 p_m) const noexcept override {
@@ -75,7 +75,8 @@ class FieldBones final : public Bones {
   StructureMask mask_;
   Vec3 center_m_;
   double radius_m_;
-  Field::InBall near_, all_;
+  Field::InBall near_;
+  const Field::InBall& all_;
 };
 
 }  // namespace
@@ -83,6 +84,7 @@ class FieldBones final : public Bones {
 FieldBody::FieldBody(Field field) : field_(std::move(field)) {
   for (std::size_t i = 0; i < field_.structures().size(); ++i)
     if (field_.structures()[i].layer.is_bone) bones_ |= maskOf(static_cast<StructureIndex>(i));
+  bone_parts_ = field_.inBall({}, std::numeric_limits<double>::infinity(), bones_);
 }
 
 double FieldBody::depth(Vec3 p_m) const noexcept {
@@ -108,7 +110,7 @@ LayerStack FieldBody::layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double
 
 std::shared_ptr<const Bones> FieldBody::bonesIn(Vec3 center_m, double radius_m) const {
   if (bones_ == 0) return nullptr;
-  return std::make_shared<FieldBones>(field_, bones_, center_m, radius_m);
+  return std::make_shared<FieldBones>(field_, bone_parts_, bones_, center_m, radius_m);
 }
 
 }  // namespace needlelab

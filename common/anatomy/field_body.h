@@ -25,6 +25,7 @@ class FieldBody final : public Body {
  private:
   Field field_;
   StructureMask bones_ = 0;
+  Field::InBall bone_parts_;
 };
 
 }  // namespace needlelab

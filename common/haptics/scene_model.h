@@ -176,8 +176,10 @@ void stepWithStages(const SceneModel& model, const TipSample& sample, SimState& 
 /// As stepWithStages, for scenes in which a stage holds the tip that the tissue feels (`hold`).
 void stepHeld(const SceneModel& model, const TipSample& sample, SimState& state, StepReport& report) noexcept;
 
-/// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). Errors: kInvalidInput as `validate`.
-Result<SceneModel> compile(const SceneSpec& spec, double rate_hz);
+/// Validates, then precomputes for a loop of `rate_hz` (50-40,000 Hz). `steepness`: of a path, the body's, as
+/// to find it takes as long as the rest. Errors: kInvalidInput as `validate`.
+Result<SceneModel> compile(const SceneSpec& spec, double rate_hz,
+                           const FixtureSteepness* steepness = nullptr);
 
 /// Signed depth δ of a point in the limb: negative outside, positive inside (FORCE_MODEL.md, "Contact").
 double signedDepth(const Limb& limb, Vec3 p_W_m);

@@ -331,6 +331,7 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
     line_changes = state.line_changes;
     ask.slant = state.slant;
     ask.depth_m = std::max(0.0, state.depth_prev_m);
+    ask.aside_m = state.depth_prev_m - dot(state.u_W, sample.p_WT_m - state.p_entry_W_m) * state.slant;
     ask.point_W_m = now->model.plane_point_m;
     ask.normal_W = now->model.plane_normal;
   } else {

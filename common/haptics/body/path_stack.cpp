@@ -21,7 +21,7 @@ constexpr double kReach = 1.1;
 constexpr double kFirst_m = 2e-4;
 /// An entry outside of the skin, beside which the plane lies, has its skin found in so many steps.
 constexpr int kSkinSteps = 64;
-constexpr double kAlike_m = 2e-5, kAlikeCosine = 1 - 5e-7;
+constexpr double kAlike_m = 5e-5, kAlikeCosine = 1 - 5e-7;
 constexpr double kEndless_m = 1.0;
 
 double sliver_m(const SceneSpec& spec) {
@@ -41,13 +41,17 @@ struct Placed {
   [[nodiscard]] StructureIndex structure(Vec3 p_W_m) const noexcept { return body.structureAt(X_LW * p_W_m); }
 };
 
-/// The layers of a march that began at `from_m` along the needle.
-void takeLayers(const LayerStack& marched, double from_m, double slant, PathLayers& path) {
-  for (std::size_t i = 0; i < marched.count; ++i)
-    path.layers[path.count++] = {marched.layers[i].structure,
-                                 i == 0 ? 0.0 : (from_m + marched.layers[i].top_m) * slant};
-  if (marched.end == StackEnd::kExit && path.count > 0 && path.count < kMaxStackLayers)
-    path.layers[path.count++] = {kOutside, (from_m + marched.end_m) * slant};
+/// The layers of a march that began at `from_m` along the needle, whose tip is `aside_m` deeper than its line.
+void takeLayers(const LayerStack& marched, double from_m, double slant, double aside_m, PathLayers& path) {
+  const auto add = [&](StructureIndex structure, double along_m) {
+    const double top_m = (from_m + along_m) * slant + aside_m;
+    if (path.count == 0 || !(top_m > 0.0))
+      path.layers[0] = {structure, 0.0}, path.count = 1;
+    else if (path.count < kMaxStackLayers)
+      path.layers[path.count++] = {structure, top_m};
+  };
+  for (std::size_t i = 0; i < marched.count; ++i) add(marched.layers[i].structure, marched.layers[i].top_m);
+  if (marched.end == StackEnd::kExit && path.count > 0) add(kOutside, marched.end_m);
 }
 
 bool findOutside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, PathLayers& path) {
@@ -57,7 +61,7 @@ bool findOutside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, 
   path.normal_W = normal_W;
   const Vec3 axis_W = entryDirection(ask.axis_W, normal_W);
   const double reach_m = std::min(1.0, kReach * spec.needle_length_m);
-  takeLayers(body.layers(at_W_m, axis_W, reach_m, sliver_m(spec)), 0, -dot(normal_W, axis_W), path);
+  takeLayers(body.layers(at_W_m, axis_W, reach_m, sliver_m(spec)), 0, -dot(normal_W, axis_W), 0, path);
   if (path.count > 0) return true;
   const StructureIndex first = body.structure(at_W_m - normal_W * kFirst_m);
   if (first == kOutside) return false;
@@ -79,8 +83,8 @@ bool findInside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, P
   }
   if (!(from_m < reach_m)) return false;
   takeLayers(body.layers(ask.p_entry_W_m + ask.axis_W * from_m, ask.axis_W, reach_m - from_m, sliver_m(spec)),
-             from_m, ask.slant, path);
-  return path.count > 0;
+             from_m, ask.slant, ask.aside_m, path);
+  return path.count > 0 && path.layers[0].structure != kOutside;
 }
 
 /// The tissue on the far side of the body: none, with the skin's stiffness.
@@ -156,7 +160,7 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
     spec.layers.push_back(*bone);
     spec.layers.back().thickness_m = kEndless_m;
   }
-  auto model = compile(spec, body.rate_hz);
+  auto model = compile(spec, body.rate_hz, &body.fixture_steepness);
   if (!model.ok()) return nullptr;
   made->path = path;
   made->model = std::move(*model);

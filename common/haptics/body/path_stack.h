@@ -27,7 +27,7 @@ struct PathLayers {
   double asked_depth_m = 0;
 };
 
-/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 20 µm,
+/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 50 µm,
 /// and the ball of `b` at most half of a's radius away from it.
 bool alike(const PathLayers& a, const PathLayers& b) noexcept;
 
@@ -55,7 +55,8 @@ struct PathAsk {
   Vec3 p_entry_W_m;    ///< inside: P0 …
   Vec3 point_W_m, normal_W;  ///< … and the plane of the skin that the path keeps
   double slant = 1;    ///< inside: c
-  double depth_m = 0;  ///< inside: δ of the tip
+  double depth_m = 0;  ///< inside: δ of the tip …
+  double aside_m = 0;  ///< … and by how much that is more than the depth of the line there
 };
 
 /// Finds a path in the scene's body. False where the body has no skin near the tip, or no tissue below it.

@@ -174,7 +174,7 @@ Limb withUnitNormal(const Limb& limb) {
 
 }  // namespace
 
-Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
+Result<SceneModel> compile(const SceneSpec& spec, double rate_hz, const FixtureSteepness* steepness) {
   if (Status valid = validate(spec); !valid.ok()) return valid.error();
   if (!(rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz))
     return Error{ErrorCode::kInvalidInput, fmt::format("rate: {:f} Hz is out of range [50, 40000]", rate_hz)};
@@ -219,7 +219,7 @@ Result<SceneModel> compile(const SceneSpec& spec, double rate_hz) {
   model.aim_share = 1.0 - detExp(-model.period_s / kAimTime_s);
   compileTurn(model);
   compileLayers(spec, model);
-  model.fixture_steepness = steepnessOf(model);
+  model.fixture_steepness = steepness != nullptr ? *steepness : steepnessOf(model);
   const AxialEntry& axial = axialEntry(spec.axial_model);
   model.axial_model = spec.axial_model;
   model.step_function = model.placed_step = (*axial.steps)[model.live & kPlacedEffects];

@@ -88,6 +88,11 @@ std::optional<Thrust> thrustAlong(const Patient& patient, const Line& line) {
     thrust.far_m = one.to_m;
   }
   if (thrust.far_m - thrust.bone_m < 0.008 || thrust.bone_m < 0.004) return std::nullopt;
+  // not beside a bone's side, where a hand may go round
+  double most_m = 0;
+  for (double s_m = thrust.bone_m; s_m < thrust.far_m; s_m += 2e-4)
+    most_m = std::max(most_m, -patient.fromBone(line.at(s_m)));
+  if (most_m < 0.0025) return std::nullopt;
   const double cosine = -dot(boneNormal(patient, line.at(thrust.bone_m)), line.axis);
   if (cosine < std::cos(40 * std::numbers::pi / 180)) return std::nullopt;
   return thrust;
@@ -123,7 +128,8 @@ struct Contact {
           patient.scene.stage_numbers[stageOf(Effect::kBone)][kBoneStiffness_N_per_m] * in_m / kMostSteep;
       strong.count(needle.bone_N() >= std::min(0.95 * spring_N - 0.02, 0.95 * patient.scene.max_force_N));
     }
-    if (bone.touching) proxy_m = std::max(proxy_m, std::fabs(patient.fromBone(bone.p_proxy_W_m)));
+    // a tip that is out again has a proxy on its way to it
+    if (bone.touching && in_m > 0) proxy_m = std::max(proxy_m, std::fabs(patient.fromBone(bone.p_proxy_W_m)));
   }
 };
 

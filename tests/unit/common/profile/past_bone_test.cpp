@@ -26,7 +26,22 @@ double endOfTissue(const Patient& patient, const Stretches& stretches, double fr
   return 0.95 * patient.scene.needle_length_m;
 }
 
-// bone for 0.5 to 5 mm along the line and nowhere deeper than 1.2 mm, then tissue for at least 4 mm
+// whether a parallel line 1.2 mm aside misses the bone that a line meets
+bool grazes(const Patient& patient, const Chord& chord) {
+  const Vec3 axis = chord.line.axis;
+  const Vec3 side = normalized(cross(axis, {0.3, 0.5, 0.81})), other = cross(axis, side);
+  for (int i = 0; i < 24; ++i) {
+    const double around = i * std::numbers::pi / 12;
+    const Line aside{chord.line.origin_m + (side * std::cos(around) + other * std::sin(around)) * 1.2e-3, axis};
+    bool misses = true;
+    for (double s_m = chord.bone_m - 2e-3; s_m < chord.beyond_m + 2e-3 && misses; s_m += 5e-5)
+      misses = !patient.isBone(patient.body->structureAt(aside.at(s_m)));
+    if (misses) return true;
+  }
+  return false;
+}
+
+// bone for 0.5 to 5 mm along the line, at its edge, then tissue for at least 4 mm
 std::optional<Chord> grazing(const Patient& patient, const Line& line) {
   const double most_m = 0.95 * patient.scene.needle_length_m;
   const Stretches rough = sampled(patient, line, 1e-5, most_m, 5e-5);
@@ -42,8 +57,7 @@ std::optional<Chord> grazing(const Patient& patient, const Line& line) {
   if (bone_m < 0.5e-3 || bone_m > 5e-3 || chord.bone_m < 2e-3) return std::nullopt;
   chord.end_m = endOfTissue(patient, rough, chord.beyond_m);
   if (chord.end_m < chord.beyond_m + 4e-3) return std::nullopt;
-  for (double s_m = chord.bone_m; s_m < chord.beyond_m; s_m += 1e-4)
-    if (patient.fromBone(line.at(s_m)) < -1.2e-3) return std::nullopt;
+  if (!grazes(patient, chord)) return std::nullopt;
   chord.layers = withoutSlivers(sampled(patient, line, 1e-5, most_m), patient.sliver_m);
   return chord;
 }

@@ -206,7 +206,7 @@ TEST(BodyHardCases, aTurnAtABoundaryDoesNotStepTheForce) {
   int changed = 0;
   for (std::size_t i = 1; i < run.paths.size(); ++i)
     changed += run.reports[i].layer >= 0 && run.paths[i].count > 2 && run.paths[i - 1].count > 2 &&
-               std::fabs(run.paths[i].layers[2].top_m - run.paths[i - 1].layers[2].top_m) > 1e-4;
+               std::fabs(run.paths[i].layers[2].top_m - run.paths[i - 1].layers[2].top_m) > 3e-5;
   EXPECT_GT(changed, 5) << "the boundary moves";
   EXPECT_LT(run.greatestStep_N(kFlagNewPath), run.greatestStep_N() + 1e-9);
   EXPECT_LT(run.greatestStep_N(), 0.05);

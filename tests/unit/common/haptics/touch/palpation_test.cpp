@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "common/haptics/body/body_engine.h"
@@ -395,6 +396,22 @@ class NoPaths final : public PathMaker {
   void retire(PathStack* /*path*/) noexcept override {}
 };
 
+/// Has one path, made beforehand, which the engine keeps to its end.
+class OnePath final : public PathMaker {
+ public:
+  explicit OnePath(PathStack* made) : made_(made) {}
+  void ask(const PathAsk& /*ask*/) noexcept override {}
+  bool take(PathStack*& made) noexcept override {
+    made = std::exchange(given_, true) ? nullptr : made_.get();
+    return true;
+  }
+  void retire(PathStack* /*path*/) noexcept override {}
+
+ private:
+  std::unique_ptr<PathStack> made_;
+  bool given_ = false;
+};
+
 // After a FAULT the station's ball feels nothing until it was off the skin: so does a reader's, which saw
 // none.
 TEST(Palpation, aReaderAfterAFaultFeelsNothingEither) {
@@ -421,8 +438,13 @@ TEST(Palpation, aReaderAfterAFaultFeelsNothingEither) {
 
 TEST(Palpation, aTickUsesNoHeap) {
   const auto model = std::make_unique<SceneModel>(compiled(palpable(sceneIn(finger())), kRate_hz));
-  NoPaths none;
-  SceneEngine engine(*model, &none);
+  // its bones are those of a path, which is made beforehand
+  PathsInPlace paths(*model);
+  PathStack* made = nullptr;
+  paths.ask({.p_tip_W_m = {0, 0, 0.01}, .ball_radius_m = 0.03, .axis_W = zAxis(leaning(0))});
+  ASSERT_TRUE(paths.take(made) && made != nullptr);
+  OnePath one(made);
+  SceneEngine engine(*model, &one);
   engine.wantCap(true);
   StepReport report;
   double most_N = 0;
