@@ -11,6 +11,7 @@
 #include "common/profile/planned_line.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/measures/measure_table.h"
+#include "common/scoring/measures/measures.h"
 #include "common/scoring/motion/dtw.h"
 #include "common/scoring/motion/recorded_samples.h"
 #include "common/scoring/motion/track.h"
@@ -76,6 +77,7 @@ struct GestureFacts {
   double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0;
   double impulse_Ns = 0, weight_s = 0;
   std::vector<LayerFacts> layers;
+  GestureScore::LatePaths late_paths;
   int entries = 0, withdrawals = 0, trajectory_changes = 0;
   std::optional<double> inefficiency;
 

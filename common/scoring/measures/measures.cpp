@@ -375,6 +375,10 @@ const std::vector<pb::SyringeEvent>& GestureScore::events() const {
   return parts_->events;
 }
 
+const GestureScore::LatePaths& GestureScore::latePaths() const {
+  return parts_->facts.late_paths;
+}
+
 std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile,
                                   const Pose& X_WL, const pb::Exercise* exercise,
                                   std::span<const TipPath> references) {

@@ -56,6 +56,12 @@ std::vector<Measure> scoreGesture(const RecordedSamples& samples, double rate_hz
 /// motion of the longest recording (about 0.2 s). Thread: one at a time.
 class GestureScore {
  public:
+  /// In a body: ticks whose path came too late, and those in which a layer had been passed unfelt.
+  struct LatePaths {
+    std::uint64_t kept = 0, skipped = 0;
+    std::uint64_t first_tick = 0;  ///< of all of them
+  };
+
   /// As for scoreGesture(); samples, profile, exercise and references must outlive it.
   GestureScore(const RecordedSamples& samples, double rate_hz, const pb::Profile& profile, const Pose& X_WL,
                const pb::Exercise* exercise = nullptr, std::span<const TipPath> references = {});
@@ -69,6 +75,8 @@ class GestureScore {
   [[nodiscard]] const std::vector<Measure>& measures() const;
   /// Call when done, for a gesture that has measures; as syringeEvents().
   [[nodiscard]] const std::vector<pb::SyringeEvent>& events() const;
+  /// Call when done.
+  [[nodiscard]] const LatePaths& latePaths() const;
 
  private:
   struct Parts;

@@ -198,6 +198,12 @@ class TissueGroup : public SampleGroup {
     const GestureSample& sample = gesture_.samples[i];
     counts_.add(sample);
     inefficiency_.add(i);
+    if ((sample.flags & (kFlagKeptPath | kFlagSkipped)) != 0) {
+      GestureScore::LatePaths& late = facts_.late_paths;
+      if (late.kept + late.skipped == 0) late.first_tick = sample.tick;
+      late.kept += (sample.flags & kFlagKeptPath) != 0;
+      late.skipped += (sample.flags & kFlagSkipped) != 0;
+    }
     const double force_N = forceOf(sample);
     if ((sample.flags & kFlagCapped) == 0) facts_.peak_N = std::max(facts_.peak_N, force_N);
     if (sample.layer != layer_before_) {

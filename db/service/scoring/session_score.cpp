@@ -59,6 +59,7 @@ Result<bool> SessionScore::step(Connection& reader, ReferencePaths& paths, StepW
   if (!is_done) return false;
   if (json_.ok()) json_ = scoreJson(score_->measures());
   events_ = score_->events();
+  late_paths_ = score_->latePaths();
   return true;
 }
 

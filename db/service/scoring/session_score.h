@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/scoring/measures/measures.h"
 #include "common/base/text/uuid.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/motion/dtw.h"
@@ -57,6 +58,7 @@ class SessionScore {
   [[nodiscard]] const Result<std::string>& json() const { return json_; }
   /// Valid once done.
   [[nodiscard]] const std::vector<pb::SyringeEvent>& events() const { return events_; }
+  [[nodiscard]] const GestureScore::LatePaths& latePaths() const { return late_paths_; }
 
  private:
   Result<bool> compareStep(Connection& reader, ReferencePaths& paths);
@@ -71,6 +73,7 @@ class SessionScore {
   std::optional<GestureScore> score_;  // once everything is read
   Result<std::string> json_ = std::string();
   std::vector<pb::SyringeEvent> events_;
+  GestureScore::LatePaths late_paths_;
 };
 
 }  // namespace needlelab

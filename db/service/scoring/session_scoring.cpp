@@ -86,6 +86,24 @@ Status storeEvents(Connection& writer, const Uuid& id, const std::vector<pb::Syr
   return added ? Status() : Status(added.error());
 }
 
+// a session in a body whose paths came late gets one remark, in the same transaction
+Status noteLatePaths(Connection& writer, const Uuid& id, const GestureScore::LatePaths& late) {
+  if (late.kept + late.skipped == 0) return {};
+  StoredAnnotation remark;
+  remark.session = id;
+  remark.tick = std::min<std::uint64_t>(late.first_tick, INT64_MAX);
+  remark.author = kServerName;
+  remark.text = fmt::format(
+      "The station found the body's layers too late in {} ticks, and in {} the needle had passed a layer that "
+      "was not felt",
+      late.kept, late.skipped);
+  remark.created_unix_ns = wallNowNs();
+  ASSIGN_OR_RETURN(const auto same, AnnotationStore(writer).find(id, remark.author, remark.text));
+  if (same) return {};
+  const auto added = AnnotationStore(writer).add(remark);
+  return added ? Status() : Status(added.error());
+}
+
 constexpr std::size_t kMaxKnownFaults = 1000;
 
 /// Per close; repeated if chunks arrive between the read and the writer's turn.
@@ -278,6 +296,7 @@ Result<SessionScoring::Settled> SessionScoring::settleOrThrow(Connection& reader
   const Status written = writer_.run([&](Connection& writer) -> Status {
     RETURN_IF_ERROR(StationClaims(writer).require(claim));
     RETURN_IF_ERROR(storeEvents(writer, session, events));
+    RETURN_IF_ERROR(noteLatePaths(writer, session, score.latePaths()));
     return json && !json->empty() ? ScoreStore(writer).put(newScore(session, *json)) : Status();
   });
   if (!written) return written.error();

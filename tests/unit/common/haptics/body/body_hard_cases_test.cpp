@@ -177,6 +177,37 @@ TEST(BodyHardCases, aNeedlePassesAHoleInBone) {
   EXPECT_NEAR(beside.reports.back().stage_N[stageOf(Effect::kBone)], 600 * 0.014, 0.05);
 }
 
+// A needle that grazes a round bone by 0.6 mm slides past it, and feels what is there: the plane of muscle 4 mm
+// behind the bone, with no step on the way. Controls: without BONE the same layers at the same places; 2 mm
+// deep the shaft, which bends by 1.5 mm at most, holds, with the bone's spring over the way that has been gone.
+TEST(BodyHardCases, pastABonesEdgeTheTissueGoesOn) {
+  FieldSpec field = slabOfTissue();
+  field.groups.push_back({"bone", {capsule(mm(-100, 0, -15), mm(100, 0, -15), 4, 4)}});
+  field.groups.push_back({"deep", {halfSpace(mm(0, 0, -23), {0, 0, 1})}});
+  field.structures.push_back(structure("bone", boneTissue()));
+  field.rules = {rule("skin", -2, 0, "dermis"), rule("bone", -kNoBound, 0, "bone"),
+                 rule("deep", -kNoBound, 0, "muscle")};
+  field.rest = "fat";
+  SceneSpec scene = sceneIn(field);
+  const auto grazing = [](double deep_mm, const SceneSpec& spec) {
+    const double beside_mm = 4 - deep_mm;
+    return Hand(mm(0, beside_mm, 10), 0).to(mm(0, beside_mm, -30), 0.02).rest(100).in(spec);
+  };
+  const BodyRun past = grazing(0.6, scene);
+  EXPECT_GT(past.greatestBone_N(), 0.3) << "it touches the bone";
+  EXPECT_LT(past.greatestStep_N(), 0.1);
+  scene.effects &= ~bitOf(Effect::kBone);
+  const BodyRun without = grazing(-0.5, scene);
+  for (std::size_t i = 0; i < past.reports.size(); ++i) {
+    const double below_m = -past.samples[i].p_WT_m.z;
+    if (below_m > 0.0195) EXPECT_EQ(past.reports[i].layer, without.reports[i].layer) << below_m;
+  }
+  scene.effects |= bitOf(Effect::kBone);
+  const BodyRun held = grazing(2, scene);
+  const double spring_N = 600 * (0.030 - 0.0165);
+  EXPECT_GT(held.reports.back().stage_N[stageOf(Effect::kBone)], 0.85 * spring_N);
+}
+
 // Muscle begins at a slope 8 mm deep.
 SceneSpec slope() {
   FieldSpec field = slabOfTissue();
