@@ -4,6 +4,7 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "common/haptics/axial_entry.h"
@@ -17,10 +18,16 @@
 namespace needlelab {
 namespace {
 
-/// A path is asked for again when the tip has moved by this, outside also by this share of its height …
-constexpr double kMoved_m = 1e-4, kMovedShare = 0.02;
-/// … when the needle outside, or u, has turned by these sines, or P0 has moved.
-constexpr double kTurnedOutside = 5e-3, kTurned = 2e-4, kEntryMoved_m = 1e-5;
+/// Whether to ask for a path is looked at when the tip has moved by this, and outside at each mark.
+constexpr double kMoved_m = 3e-4;
+/// Outside it is asked for when the tip has also moved by this share of its height, or the needle has turned by
+/// this sine.
+constexpr double kMovedShare = 0.1, kTurnedOutside = 5e-3;
+/// Inside a path is asked for when u has turned by this sine, P0 has moved, the tip's depth beside its line has
+/// changed, or the tip has gone on by this share of the ball about it.
+constexpr double kTurned = 2e-4, kEntryMoved_m = 1e-5, kAside_m = 2e-5, kOfBall = 0.25;
+/// The tip is marked this often, in times of a path, to know how it moves.
+constexpr std::uint64_t kMarkPaths = 4;
 /// A place is expected no farther from the tip than this.
 constexpr double kMostAhead_m = 0.02;
 /// Bones are asked often so far around the place where the tip is expected, and on its way there.
@@ -163,9 +170,10 @@ struct SceneEngine::InBody {
   std::uint64_t due = 0;  // the tick that uses the path asked for
   PathAsk ask;            // the last one
   Vec3 asked_at_W_m;      // the tip when it was asked
+  Vec3 looked_at_W_m;     // the tip when it was last looked whether to ask
   // of the state, when its insertion, u and P0 were last found near enough to those of the ask
   std::uint32_t line_changes = 0;
-  // the tip up to `path_ticks` ago, and up to twice as long ago
+  // the tip at the last two marks
   struct Mark {
     Vec3 p_W_m;
     std::uint64_t tick = 0;
@@ -193,11 +201,11 @@ struct SceneEngine::InBody {
   bool usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept;
   void useOutside(PathStack& next, SimState& state) const noexcept;
   void useInside(PathStack& next, SimState& state, std::uint32_t& flags) const noexcept;
-  [[nodiscard]] bool tipMoved(const TipSample& sample) const noexcept {
-    return normSquared(sample.p_WT_m - asked_at_W_m) > kMoved_m * kMoved_m;
+  [[nodiscard]] bool looks(const TipSample& sample) const noexcept {
+    return !(normSquared(sample.p_WT_m - looked_at_W_m) <= kMoved_m * kMoved_m);
   }
   [[nodiscard]] bool wantsInside(const TipSample& sample, const SimState& state) noexcept;
-  [[nodiscard]] bool wantsOutside(const TipSample& sample, const SimState& state) const noexcept;
+  [[nodiscard]] bool wantsOutside(const TipSample& sample, const SimState& state) noexcept;
   void askFor(const TipSample& sample, const SimState& state) noexcept;
 };
 
@@ -262,7 +270,7 @@ bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, std::uin
                               SimState& state) noexcept {
   if (made == nullptr) return false;
   const bool fits = insertion == (state.inside ? state.insertions : 0) &&
-                    !(state.inside && alike(made->path, now->path));
+                    !(state.inside && alike(*now, *made));
   if (!fits) {
     paths->retire(made);
     return false;
@@ -296,16 +304,26 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
   return true;
 }
 
+// how much deeper the tip is than the place of the line beside it
+double asideOf(const TipSample& sample, const SimState& state) {
+  return state.depth_prev_m - dot(state.u_W, sample.p_WT_m - state.p_entry_W_m) * state.slant;
+}
+
 bool SceneEngine::InBody::wantsInside(const TipSample& sample, const SimState& state) noexcept {
-  if (tipMoved(sample) || ask.insertion != state.insertions || turned(state.u_W, ask.axis_W, kTurned) ||
-      normSquared(state.p_entry_W_m - ask.p_entry_W_m) > kEntryMoved_m * kEntryMoved_m)
+  const double far_m = kOfBall * ask.ball_radius_m;
+  if (ask.insertion != state.insertions || turned(state.u_W, ask.axis_W, kTurned) ||
+      normSquared(state.p_entry_W_m - ask.p_entry_W_m) > kEntryMoved_m * kEntryMoved_m ||
+      std::fabs(asideOf(sample, state) - ask.aside_m) > kAside_m ||
+      normSquared(sample.p_WT_m - asked_at_W_m) > far_m * far_m)
     return true;
   line_changes = state.line_changes;
+  looked_at_W_m = sample.p_WT_m;
   return false;
 }
 
-bool SceneEngine::InBody::wantsOutside(const TipSample& sample, const SimState& state) const noexcept {
+bool SceneEngine::InBody::wantsOutside(const TipSample& sample, const SimState& state) noexcept {
   assert(!state.inside);
+  looked_at_W_m = sample.p_WT_m;
   if (now == nullptr || ask.insertion != 0) return true;
   const double enough_m = std::max(kMoved_m, kMovedShare * std::fabs(state.depth_prev_m));
   if (normSquared(sample.p_WT_m - asked_at_W_m) > enough_m * enough_m) return true;
@@ -324,14 +342,14 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
   ask.insertion = state.inside ? state.insertions : 0;
   ask.p_tip_W_m = state.bone.touching ? state.bone.p_proxy_W_m : sample.p_WT_m + ahead;
   ask.ball_radius_m = kBall_m + norm(ask.p_tip_W_m - sample.p_WT_m);
-  asked_at_W_m = sample.p_WT_m;
+  asked_at_W_m = looked_at_W_m = sample.p_WT_m;
   if (state.inside) {
     ask.axis_W = state.u_W;
     ask.p_entry_W_m = state.p_entry_W_m;
     line_changes = state.line_changes;
     ask.slant = state.slant;
     ask.depth_m = std::max(0.0, state.depth_prev_m);
-    ask.aside_m = state.depth_prev_m - dot(state.u_W, sample.p_WT_m - state.p_entry_W_m) * state.slant;
+    ask.aside_m = asideOf(sample, state);
     ask.point_W_m = now->model.plane_point_m;
     ask.normal_W = now->model.plane_normal;
   } else {
@@ -339,6 +357,7 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
   }
   asked = true;
   due = tick + path_ticks;
+  next_event = std::min(next_event, due);
   paths->ask(ask);
 }
 
@@ -414,6 +433,7 @@ void SceneEngine::continueFrom(const SceneEngine& other) {
   to.due = from.due;
   to.ask = from.ask;
   to.asked_at_W_m = from.asked_at_W_m;
+  to.looked_at_W_m = from.looked_at_W_m;
   to.line_changes = from.line_changes;
   to.next_mark = from.next_mark;
   to.next_event = from.next_event;
@@ -444,11 +464,16 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
 // In every tick (tests/instructions counts what it costs): most have no bone and ask for no path.
 [[gnu::always_inline]] inline void SceneEngine::afterStep(const TipSample& sample,
                                                           StepReport& report) noexcept {
-  if (report.layer < 0) return afterStepOutside(sample, report);
   InBody& body = *body_;
+  if (report.layer < 0) {
+    if ((report.flags & kFlagExit) != 0 || body.looks(sample))
+      return afterStepOutside(sample, report);
+    ++body.tick;
+    return;
+  }
   report.layer = body.now->reported[static_cast<std::size_t>(report.layer)];
   if (report.layer == kTouchedBone ||
-      (!body.asked && (body.tipMoved(sample) || state_.line_changes != body.line_changes))) [[unlikely]]
+      (!body.asked && (body.looks(sample) || state_.line_changes != body.line_changes))) [[unlikely]]
     return afterStepInside(sample, report);
   ++body.tick;
 }
@@ -459,6 +484,7 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
   ++body_->tick;
 }
 
+// a sample that is not finite looks as if it had moved
 [[gnu::noinline]] void SceneEngine::afterStepOutside(const TipSample& sample,
                                                      const StepReport& report) noexcept {
   if ((report.flags & kFlagNotStepped) != 0) return;
@@ -495,9 +521,9 @@ void SceneEngine::stepAtEvent(const TipSample& sample, const StoredTick* stored,
   if (body.tick == body.next_mark) {
     body.mark_before = body.tick == 0 ? InBody::Mark{sample.p_WT_m, 0} : body.mark;
     body.mark = {sample.p_WT_m, body.tick};
-    body.next_mark += body.path_ticks;
+    if (!state_.inside) body.looked_at_W_m.x = std::numeric_limits<double>::infinity();
+    body.next_mark += kMarkPaths * body.path_ticks;
   }
-  // a path asked for in this tick is due no earlier than the next mark
   body.next_event = body.asked ? std::min(body.due, body.next_mark) : body.next_mark;
   if (wants_cap_ || isCapped()) body.next_event = body.tick + 1;
   afterStep(sample, report);

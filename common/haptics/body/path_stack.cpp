@@ -96,13 +96,14 @@ LayerSpec nothing(const LayerSpec& skin) {
 
 }  // namespace
 
-bool alike(const PathLayers& a, const PathLayers& b) noexcept {
+bool alike(const PathStack& one, const PathStack& other) noexcept {
+  const PathLayers &a = one.path, &b = other.path;
   if (a.count != b.count) return false;
   const auto near = [](double x, double y) { return std::fabs(x - y) <= kAlike_m; };
   if (!near(dot(a.normal_W, b.point_W_m - a.point_W_m), 0) || dot(a.normal_W, b.normal_W) < kAlikeCosine)
     return false;
   const double most_m = 0.5 * a.ball_radius_m;
-  if (normSquared(a.ball_W_m - b.ball_W_m) > most_m * most_m) return false;
+  if (one.model.bones.bones != nullptr && normSquared(a.ball_W_m - b.ball_W_m) > most_m * most_m) return false;
   for (std::uint32_t i = 0; i < a.count; ++i)
     if (a.layers[i].structure != b.layers[i].structure || !near(a.layers[i].top_m, b.layers[i].top_m))
       return false;

@@ -27,9 +27,6 @@ struct PathLayers {
   double asked_depth_m = 0;
 };
 
-/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 50 µm,
-/// and the ball of `b` at most half of a's radius away from it.
-bool alike(const PathLayers& a, const PathLayers& b) noexcept;
 
 /// Instead of a structure in PathStack::reported: the bone that the needle rests on.
 inline constexpr std::int8_t kTouchedBone = -1;
@@ -42,6 +39,10 @@ struct PathStack {
   /// The structure to report for each layer of the model; beyond the body that of the skin.
   std::array<std::int8_t, kMaxLayers> reported{};
 };
+
+/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 50 µm, and
+/// where there are bones the ball of `b` at most half of a's radius away from it.
+bool alike(const PathStack& a, const PathStack& b) noexcept;
 
 /// What the engine asks for a path with. All in W.
 struct PathAsk {

@@ -129,7 +129,7 @@ TEST(BodyEngine, usesAPathFiveMillisecondsAfterItWasAsked) {
   ASSERT_GE(used.size(), 3u);
   EXPECT_EQ(used[0], kPathWait);
   EXPECT_GT(used[1], 200u) << "a resting hand asks for nothing";
-  for (std::size_t i = 2; i < used.size(); ++i) EXPECT_EQ((used[i] - used[i - 1]) % kPathWait, 0u);
+  for (std::size_t i = 2; i < used.size(); ++i) EXPECT_GE(used[i] - used[i - 1], kPathWait);
 }
 
 /// Answers late: not before the given number of questions of `take`.
@@ -163,9 +163,9 @@ TEST(BodyEngine, keepsItsPathWhileTheNextIsLateAndSaysSo) {
     if ((report.flags & kFlagNewPath) != 0) used.push_back(i);
   }
   ASSERT_GE(used.size(), 3u);
-  EXPECT_EQ(used[2] - used[1], 3 * kPathWait) << "asked at once, late twice";
   ASSERT_GE(kept.size(), 2u);
   EXPECT_EQ(kept[1] - kept[0], kPathWait);
+  EXPECT_EQ(used[1] - kept[1], kPathWait) << "late twice";
 }
 
 TEST(BodyEngine, followsAStationsLatePathsFromItsTicks) {
