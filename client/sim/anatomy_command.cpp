@@ -72,9 +72,10 @@ Status writeFiles(const AnatomyReport& report, const pb::Profile& profile, char 
                   const std::filesystem::path& folder) {
   PlotTable rows("is_sphere,step_mm,boundary_p99_mm,force_rms_n,march_p50_us,method");
   for (const AnatomyRow& row : report.rows)
-    rows.row({row.method.steps == AnatomySteps::kSphere ? 1.0 : 0.0, 1e3 * row.method.step_m,
-              row.boundary_p99_mm, row.force_rms_N, row.march_p50_us},
-             {row.method.name()});
+    if (row.method.steps != AnatomySteps::kEngine)
+      rows.row({row.method.steps == AnatomySteps::kSphere ? 1.0 : 0.0, 1e3 * row.method.step_m,
+                row.boundary_p99_mm, row.force_rms_N, row.march_p50_us},
+               {row.method.name()});
   RETURN_IF_ERROR(writeFileAtomically(folder / "anatomy.csv", viewOf(rows.take())));
 
   ASSIGN_OR_RETURN(const Field field, fieldOf(profile.volume()));

@@ -22,8 +22,8 @@ struct MarchOptions {
 inline constexpr double kBoundary_m = 1e-7;
 
 /// Marches from a point on the skin along the unit vector `axis`, by sphere tracing (Hart 1996): no step is
-/// longer than the field's clearance, and a change of structure is narrowed down to kBoundary_m. Two layers of one structure are one, if a sliver between them was dropped. Does not allocate;
-/// thread: any.
+/// longer than the field's clearance, and a change of structure is narrowed down to kBoundary_m. Two layers
+/// of one structure are one, if a sliver between them was dropped. Does not allocate; thread: any.
 LayerStack march(const Field& field, Vec3 entry_m, Vec3 axis, const MarchOptions& options) noexcept;
 
 /// The place along a line where it enters the skin, from a point outside; nothing within `reach_m`, or from a

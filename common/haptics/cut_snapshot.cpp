@@ -11,7 +11,8 @@
 namespace needlelab {
 namespace {
 
-// version 1 lacked the number of insertions and was never stored; a memory with holes of a body is of the last
+// version 1 lacked the number of insertions and was never stored; a memory with holes of a body is of the
+// last
 constexpr std::uint8_t kCutVersion = 2, kCutVersionWithHoles = 3;
 
 Error corruptCuts(const std::string& what) {
@@ -21,9 +22,8 @@ Error corruptCuts(const std::string& what) {
 bool isTrack(const CutTrack& track) {
   return isFinite(track.p_entry_W_m) && isDirection(track.u_W) && std::isfinite(track.length_m) &&
          track.length_m >= 0 && track.hole_count <= kMaxCutHoles &&
-         std::all_of(track.holes.begin(), track.holes.begin() + track.hole_count, [](const CutHole& hole) {
-           return hole.id < kMaxLayers && std::isfinite(hole.at_m);
-         });
+         std::all_of(track.holes.begin(), track.holes.begin() + track.hole_count,
+                     [](const CutHole& hole) { return hole.id < kMaxLayers && std::isfinite(hole.at_m); });
 }
 
 // a ring that is not full is filled from its start
@@ -69,8 +69,9 @@ Result<CutSnapshot> decodeCuts(ByteView bytes) {
   ByteReader from(bytes);
   const auto version = from.get<std::uint8_t>();
   if (from.ok() && version != kCutVersion && version != kCutVersionWithHoles)
-    return Error{ErrorCode::kVersion, fmt::format("memory of the cut: version {}, this program reads {} and {}",
-                                                  version, kCutVersion, kCutVersionWithHoles)};
+    return Error{ErrorCode::kVersion,
+                 fmt::format("memory of the cut: version {}, this program reads {} and {}", version,
+                             kCutVersion, kCutVersionWithHoles)};
   CutSnapshot snapshot;
   CutMemory& cuts = snapshot.cuts;
   cuts.count = from.get<std::uint8_t>();

@@ -32,10 +32,10 @@ enum StepFlag : std::uint32_t {
       1u << 9,  ///< the tip is in the tissue, or its cap on the skin, and never was off it: no force
   kFlagBeyondNeedle = 1u << 10,  ///< inserted further than the needle is long
   kFlagFlatEntry = 1u << 11,     ///< with kFlagEntry: the needle lies on the skin, within 10 degrees
-  kFlagNewPath = 1u << 12,   ///< a body: from this tick on, the layers are those asked for 5 ms ago
-  kFlagKeptPath = 1u << 13,  ///< a body: they came too late: the path was kept
-  kFlagCapped = 1u << 14,    ///< PALPATION: the needle is capped: it feels, and enters nothing
-  kFlagSkipped = 1u << 15,   ///< a body, with kFlagNewPath: the tip had passed a layer before its path came
+  kFlagNewPath = 1u << 12,       ///< a body: from this tick on, the layers are those asked for 5 ms ago
+  kFlagKeptPath = 1u << 13,      ///< a body: they came too late: the path was kept
+  kFlagCapped = 1u << 14,        ///< PALPATION: the needle is capped: it feels, and enters nothing
+  kFlagSkipped = 1u << 15,  ///< a body, with kFlagNewPath: the tip had passed a layer before its path came
 };
 
 /// Output of one tick. Forces act on the user's hand; `*_N` along u are signed (cutting is negative,

@@ -78,9 +78,7 @@ struct PlacedBones {
   Pose X_WL, X_LW;
 
   [[nodiscard]] double distance(Vec3 p_W_m) const noexcept { return bones->distance(X_LW * p_W_m); }
-  [[nodiscard]] Vec3 slope(Vec3 p_W_m) const noexcept {
-    return rotate(X_WL.q, bones->slope(X_LW * p_W_m));
-  }
+  [[nodiscard]] Vec3 slope(Vec3 p_W_m) const noexcept { return rotate(X_WL.q, bones->slope(X_LW * p_W_m)); }
   [[nodiscard]] StructureIndex structureAt(Vec3 p_W_m) const noexcept {
     return bones->structureAt(X_LW * p_W_m);
   }
@@ -150,12 +148,12 @@ class SceneModel {
 
   // BONE; null and 0 if it is not live
   HoldFunction hold = nullptr;
-  std::uint32_t bone_layer = 0;                       ///< the outermost layer of bone
-  double bone_top_m = 0;                              ///< its top
-  bool bone_is_plane = false;                         ///< the limb is a plane, and so is the bone
-  Vec3 bone_point_m, bone_normal;                     ///< … with its unit normal out of the bone
-  PlacedBones bones;     ///< on a path in a body: instead of all these
-  bool in_body = false;  ///< of a path in a body: a structure may come more than once
+  std::uint32_t bone_layer = 0;    ///< the outermost layer of bone
+  double bone_top_m = 0;           ///< its top
+  bool bone_is_plane = false;      ///< the limb is a plane, and so is the bone
+  Vec3 bone_point_m, bone_normal;  ///< … with its unit normal out of the bone
+  PlacedBones bones;               ///< on a path in a body: instead of all these
+  bool in_body = false;            ///< of a path in a body: a structure may come more than once
 
   /// A body: what its paths are compiled from (path_stack.h); null for all other limbs. Such a model is not
   /// stepped itself, only those of its paths.

@@ -122,7 +122,7 @@ struct LayerSpan {
   double begin_m, end_m;                       ///< the first begins at −∞, the last ends at ∞
   double friction_N_per_m, friction_offset_N;  ///< ∫₀^s friction = offset + slope·s
   double lateral_N_per_m2;
-  std::int64_t layer;                          ///< −1: beyond the limb
+  std::int64_t layer;  ///< −1: beyond the limb
 };
 
 /// A stretch of the fixture's stiffness over the inserted length: with t from its beginning,

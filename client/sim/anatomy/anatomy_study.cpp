@@ -10,6 +10,7 @@
 
 #include "client/device/hand/hand.h"
 #include "common/anatomy/inner_point.h"
+#include "common/haptics/body/path_stack.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/touch/palpation.h"
 #include "common/profile/scene_of_profile.h"
@@ -266,10 +267,11 @@ class Comparison {
   std::vector<double> off_mm_, path_rms_N_, us_;
 };
 
-constexpr AnatomyMethod kMethods[] = {
-    {AnatomySteps::kFixed, 2e-3},    {AnatomySteps::kFixed, 1e-3},    {AnatomySteps::kFixed, 0.5e-3},
-    {AnatomySteps::kFixed, 0.25e-3}, {AnatomySteps::kFixed, 0.1e-3},  {AnatomySteps::kSphere, 0.4e-3},
-    {AnatomySteps::kSphere, 0.2e-3}, {AnatomySteps::kSphere, 0.1e-3}, {AnatomySteps::kSphere, 0.05e-3}};
+constexpr AnatomyMethod kMethods[] = {{AnatomySteps::kFixed, 2e-3},     {AnatomySteps::kFixed, 1e-3},
+                                      {AnatomySteps::kFixed, 0.5e-3},   {AnatomySteps::kFixed, 0.25e-3},
+                                      {AnatomySteps::kFixed, 0.1e-3},   {AnatomySteps::kSphere, 0.4e-3},
+                                      {AnatomySteps::kSphere, 0.2e-3},  {AnatomySteps::kSphere, 0.1e-3},
+                                      {AnatomySteps::kSphere, 0.05e-3}, {AnatomySteps::kEngine, 0.1e-3}};
 constexpr AnatomyMethod kProduct{AnatomySteps::kSphere, 0.1e-3};
 
 }  // namespace
@@ -294,8 +296,36 @@ std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& prof
   return paths;
 }
 
-LayerStack AnatomyMethod::stackOf(const Field& field, const AnatomyPath& path, double reach_m,
-                                  double min_layer_m) const {
+/// As the engine asks in the tick after an entry, and the layers as a stack up to the first bone.
+LayerStack engineStack(const SceneModel& body, const Field& field, const AnatomyPath& path, double reach_m) {
+  const auto& limb = std::get<BodyLimb>(body.body_spec->limb);
+  PathAsk ask;
+  ask.insertion = 1;
+  ask.p_tip_W_m = ask.p_entry_W_m = ask.point_W_m = limb.X_WL * path.entry_m;
+  ask.axis_W = rotate(limb.X_WL.q, path.axis);
+  ask.normal_W = rotate(limb.X_WL.q, limb.body->normal(path.entry_m));
+  ask.slant = std::max(0.05, -dot(ask.normal_W, ask.axis_W));
+  LayerStack stack;
+  stack.end_m = reach_m;
+  PathLayers found;
+  if (!findPath(body, ask, found)) return stack;
+  for (std::uint32_t i = 0; i < found.count; ++i) {
+    const StructureIndex structure = found.layers[i].structure;
+    const double top_m = found.layers[i].top_m / ask.slant;
+    if (top_m >= reach_m) break;
+    const bool is_bone = structure != kOutside && field.structures()[structure].layer.is_bone;
+    if (structure != kOutside) stack.layers[stack.count++] = {structure, top_m};
+    if (structure != kOutside && !is_bone) continue;
+    stack.end = is_bone ? StackEnd::kBone : StackEnd::kExit;
+    stack.end_m = top_m;
+    break;
+  }
+  return stack;
+}
+
+LayerStack AnatomyMethod::stackOf(const SceneModel& body, const Field& field, const AnatomyPath& path,
+                                  double reach_m, double min_layer_m) const {
+  if (steps == AnatomySteps::kEngine) return engineStack(body, field, path, reach_m);
   if (steps == AnatomySteps::kFixed) return fixedSteps(field, path, reach_m, step_m, min_layer_m);
   return march(field, path.entry_m, path.axis,
                {.reach_m = reach_m, .min_step_m = step_m, .min_layer_m = min_layer_m});
@@ -344,6 +374,8 @@ Result<AnatomyReport> anatomyStudy(const pb::Profile& profile, const AnatomyStud
     return Error{ErrorCode::kInvalidInput,
                  "volume: only " + std::to_string(paths.size()) + " of " + std::to_string(options.paths) +
                      " random needle paths enter the skin and reach a target or a part"};
+  ASSIGN_OR_RETURN(const SceneSpec scene, sceneSpecOf(profile));
+  ASSIGN_OR_RETURN(const SceneModel body, compile(scene, kRate_Hz));
   const double reach_m = profile.needle().length_m();
   const double diameter_m = needleOf(profile.needle()).outer_diameter_m;
   const double min_layer_m = diameter_m > 0 ? diameter_m / 2 : MarchOptions{}.min_layer_m;
@@ -360,7 +392,7 @@ Result<AnatomyReport> anatomyStudy(const pb::Profile& profile, const AnatomyStud
     report.layers_per_path += static_cast<double>(reference.count) / static_cast<double>(paths.size());
     for (std::size_t k = 0; k < std::size(kMethods); ++k) {
       const double before_s = threadSeconds();
-      const LayerStack stack = kMethods[k].stackOf(field, paths[i], reach_m, min_layer_m);
+      const LayerStack stack = kMethods[k].stackOf(body, field, paths[i], reach_m, min_layer_m);
       comparisons[k].time(threadSeconds() - before_s);
       comparisons[k].boundaries(reference, stack);
       ASSIGN_OR_RETURN(const std::vector<double> forces_N, forcesOf(field, stack, paths[i], profile));

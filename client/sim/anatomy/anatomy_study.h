@@ -11,6 +11,7 @@
 
 #include "common/anatomy/march.h"
 #include "common/base/result.h"
+#include "common/haptics/scene_model.h"
 #include "needlelab/profile.pb.h"
 
 namespace needlelab {
@@ -29,6 +30,7 @@ std::vector<AnatomyPath> randomPaths(const Field& field, const pb::Profile& prof
 enum class AnatomySteps : std::uint8_t {
   kFixed,   ///< the whole field, asked at each step
   kSphere,  ///< `march`; the step is its least one
+  kEngine,  ///< the path that the engine steps on in an insertion (findPath), up to its first bone
 };
 
 /// A way to get the stack of a path.
@@ -37,10 +39,13 @@ struct AnatomyMethod {
   double step_m = 0;
   friend bool operator==(const AnatomyMethod&, const AnatomyMethod&) = default;
   [[nodiscard]] const char* name() const {
-    return steps == AnatomySteps::kSphere ? "sphere steps" : "fixed steps";
+    return steps == AnatomySteps::kSphere  ? "sphere steps"
+           : steps == AnatomySteps::kFixed ? "fixed steps"
+                                           : "engine's path";
   }
-  [[nodiscard]] LayerStack stackOf(const Field& field, const AnatomyPath& path, double reach_m,
-                                   double min_layer_m) const;
+  /// `body`: of the same field, compiled.
+  [[nodiscard]] LayerStack stackOf(const SceneModel& body, const Field& field, const AnatomyPath& path,
+                                   double reach_m, double min_layer_m) const;
 };
 
 /// A row of the study: one method over all paths.

@@ -75,9 +75,9 @@ void measureLayers(SceneView& view) {
   constexpr double kDeepest_m = 0.2;
   view.way_W = wayIn(view);
   const double slant = -dot(view.way_W, view.focus_normal_W);
-  const LayerStack stack = body->body->layersAlong(
-      inverse(body->X_WL) * view.focus_W_m, rotate(conjugate(body->X_WL.q), view.way_W), kDeepest_m, 0,
-      AtBone::kEnds);
+  const LayerStack stack =
+      body->body->layersAlong(inverse(body->X_WL) * view.focus_W_m,
+                              rotate(conjugate(body->X_WL.q), view.way_W), kDeepest_m, 0, AtBone::kEnds);
   for (std::size_t i = stack.count; i-- > 0;) {
     const bool last = i + 1 == stack.count;
     const bool is_bone = last && stack.end == StackEnd::kBone;

@@ -20,11 +20,11 @@ namespace {
 
 /// Whether to ask for a path is looked at when the tip has moved by this, and outside at each mark.
 constexpr double kMoved_m = 3e-4;
-/// Outside it is asked for when the tip has also moved by this share of its height, or the needle has turned by
-/// this sine.
+/// Outside it is asked for when the tip has also moved by this share of its height, or the needle has turned
+/// by this sine.
 constexpr double kMovedShare = 0.1, kTurnedOutside = 5e-3;
-/// Inside a path is asked for when u has turned by this sine, P0 has moved, the tip's depth beside its line has
-/// changed, or the tip has gone on by this share of the ball about it.
+/// Inside a path is asked for when u has turned by this sine, P0 has moved, the tip's depth beside its line
+/// has changed, or the tip has gone on by this share of the ball about it.
 constexpr double kTurned = 2e-4, kEntryMoved_m = 1e-5, kAside_m = 2e-5, kOfBall = 0.25;
 /// The tip is marked this often, in times of a path, to know how it moves.
 constexpr std::uint64_t kMarkPaths = 4;
@@ -34,7 +34,7 @@ constexpr double kMostAhead_m = 0.02;
 constexpr double kBall_m = 0.010;
 /// Layers that were met stay met on a path whose tops there differ by no more than this.
 constexpr double kSameTop_m = 0.3e-3;
-/// A membrane that holds the needle goes on if it is no farther away on the next path.
+/// A membrane of one structure is the same on the next path if it is no farther away there.
 constexpr double kSameMembrane_m = 2e-3;
 
 bool turned(Vec3 a, Vec3 b, double sine) {
@@ -65,16 +65,18 @@ bool skips(const PathStack& before, const PathStack& next, double depth_m) {
   for (std::uint32_t i = 0; i < next.model.layer_count; ++i) {
     const CompiledLayer& layer = next.model.layers[i];
     if (layer.bottom_m > depth_m) return false;
-    if (layer.top_m >= before.path.asked_depth_m && !has(before, next.reported[i], layer.top_m, layer.bottom_m))
+    if (layer.top_m >= before.path.asked_depth_m &&
+        !has(before, next.reported[i], layer.top_m, layer.bottom_m))
       return true;
   }
   return false;
 }
 
 /// The membranes of an insertion on its next path. Those that the paths have in common keep what became of
-/// them. One that holds the needle goes on holding it from the same place. One that the tip passed while the
-/// path was made is met where the tip is: the last of them, as the others are behind it. Those farther behind
-/// the tip are open. Returns whether one that held the needle is gone.
+/// them, and so do those behind the tip that are the same. One that holds the needle goes on holding it from
+/// the same place. One that came to lie close behind the tip, as that went on while the path was made, or as
+/// the line turned, is met where the tip is: the last of them, as the others are behind it. Those farther
+/// behind the tip are open. Returns whether one that held the needle is gone.
 bool moveMembranes(const PathStack& before, const PathStack& next, double last_top_m, double x_m,
                    SimState& state) {
   const SceneModel &was = before.model, &model = next.model;
@@ -92,21 +94,23 @@ bool moveMembranes(const PathStack& before, const PathStack& next, double last_t
       places[met] = state.membrane_place_m[met];
       continue;
     }
-    std::uint32_t held = kMaxLayers;
-    for (std::uint32_t left = holding; left != 0 && held == kMaxLayers; left &= left - 1) {
-      const auto i = static_cast<std::uint32_t>(std::countr_zero(left));
-      if (was.membrane_ids[i] == model.membrane_ids[met] &&
-          std::fabs(was.membranes[i].top_m - top_m) <= kSameMembrane_m)
-        held = i;
-    }
-    if (held < kMaxLayers) {
+    const auto sameAs = [&](std::uint32_t among) {
+      for (; among != 0; among &= among - 1) {
+        const auto i = static_cast<std::uint32_t>(std::countr_zero(among));
+        if (was.membrane_ids[i] == model.membrane_ids[met] &&
+            std::fabs(was.membranes[i].top_m - top_m) <= kSameMembrane_m)
+          return i;
+      }
+      return static_cast<std::uint32_t>(kMaxLayers);
+    };
+    if (const std::uint32_t held = sameAs(holding); held < kMaxLayers) {
       holding &= ~(1u << held);
       places[met] = state.membrane_place_m[held];
       continue;
     }
     if (top_m > state.depth_prev_m) break;
     places[met] = x_m;
-    if (same || top_m > next.path.asked_depth_m) {
+    if (sameAs(state.membranes_ruptured) == kMaxLayers && top_m > next.path.asked_depth_m - kSameMembrane_m) {
       ruptured |= late;
       opened |= late;
       late = bit;
@@ -210,7 +214,8 @@ struct SceneEngine::InBody {
 };
 
 // the skin is a new plane: both ticks of an entry are tested with it. Where the last tip would be in the
-// tissue, the plane gives way to it. A tip that was outside of it when the path was asked for has been outside
+// tissue, the plane gives way to it. A tip that was outside of it when the path was asked for has been
+// outside
 void SceneEngine::InBody::useOutside(PathStack& next, SimState& state) const noexcept {
   SceneModel& model = next.model;
   state.layer = 0;
@@ -269,8 +274,8 @@ void SceneEngine::InBody::replace(PathStack* next, std::uint32_t& flags, SimStat
 bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, std::uint32_t& flags,
                               SimState& state) noexcept {
   if (made == nullptr) return false;
-  const bool fits = insertion == (state.inside ? state.insertions : 0) &&
-                    !(state.inside && alike(*now, *made));
+  const bool fits =
+      insertion == (state.inside ? state.insertions : 0) && !(state.inside && alike(*now, *made));
   if (!fits) {
     paths->retire(made);
     return false;
@@ -453,7 +458,8 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
       if (wants_cap_ != isCapped() || (wants_cap_ && !clear && state_.palpation.clear))
         setCap(wants_cap_, clear, state_);
     }
-    if (changeCap(*scene_, wants_cap_, sample, state_)) return palpate(*scene_, model_->bones, sample, state_, report);
+    if (changeCap(*scene_, wants_cap_, sample, state_))
+      return palpate(*scene_, model_->bones, sample, state_, report);
   }
   if (as_stored)
     static_cast<void>(needlelab::stepAsStored(*model_, sample, *stored, state_, report));
@@ -466,8 +472,7 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
                                                           StepReport& report) noexcept {
   InBody& body = *body_;
   if (report.layer < 0) {
-    if ((report.flags & kFlagExit) != 0 || body.looks(sample))
-      return afterStepOutside(sample, report);
+    if ((report.flags & kFlagExit) != 0 || body.looks(sample)) return afterStepOutside(sample, report);
     ++body.tick;
     return;
   }

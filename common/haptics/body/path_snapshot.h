@@ -26,8 +26,8 @@ Bytes encodePath(const PathSnapshot& snapshot);
 /// that is not a unit vector, tops that do not ascend from 0).
 Result<PathSnapshot> decodePath(ByteView bytes);
 
-/// The maximum length of a list of paths, as in a chunk and in a live frame: room for 80 of the longest. There
-/// is one for each entry, and at most one in 5 ms while the needle's line turns.
+/// The maximum length of a list of paths, as in a chunk and in a live frame: room for 80 of the longest.
+/// There is one for each entry, and at most one in 5 ms while the needle's line turns.
 inline constexpr std::size_t kMaxPathListBytes = 32'768;
 static_assert(80 * (2 + kMaxPathBytes) <= kMaxPathListBytes);
 /// Appends a path to a list, each after its length. False if the list is full: it is then as before.

@@ -41,7 +41,8 @@ struct Placed {
   [[nodiscard]] StructureIndex structure(Vec3 p_W_m) const noexcept { return body.structureAt(X_LW * p_W_m); }
 };
 
-/// The layers of a march that began at `from_m` along the needle, whose tip is `aside_m` deeper than its line.
+/// The layers of a march that began at `from_m` along the needle, whose tip is `aside_m` deeper than its
+/// line.
 void takeLayers(const LayerStack& marched, double from_m, double slant, double aside_m, PathLayers& path) {
   const auto add = [&](StructureIndex structure, double along_m) {
     const double top_m = (from_m + along_m) * slant + aside_m;
@@ -103,7 +104,8 @@ bool alike(const PathStack& one, const PathStack& other) noexcept {
   if (!near(dot(a.normal_W, b.point_W_m - a.point_W_m), 0) || dot(a.normal_W, b.normal_W) < kAlikeCosine)
     return false;
   const double most_m = 0.5 * a.ball_radius_m;
-  if (one.model.bones.bones != nullptr && normSquared(a.ball_W_m - b.ball_W_m) > most_m * most_m) return false;
+  if (one.model.bones.bones != nullptr && normSquared(a.ball_W_m - b.ball_W_m) > most_m * most_m)
+    return false;
   for (std::uint32_t i = 0; i < a.count; ++i)
     if (a.layers[i].structure != b.layers[i].structure || !near(a.layers[i].top_m, b.layers[i].top_m))
       return false;
@@ -138,8 +140,8 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
     const LayerSpec& own = layer.structure == kOutside
                                ? nothing(body.body_spec->layers[path.layers[0].structure])
                                : body.body_spec->layers[layer.structure];
-    const auto reported = static_cast<std::int8_t>(layer.structure == kOutside ? path.layers[0].structure
-                                                                               : layer.structure);
+    const auto reported =
+        static_cast<std::int8_t>(layer.structure == kOutside ? path.layers[0].structure : layer.structure);
     if (has_bone && own.is_bone) continue;  // no needle comes into it: the tissue before it goes on
     if (!spec.layers.empty() && made->reported[spec.layers.size() - 1] == reported &&
         layer.structure != kOutside)
@@ -169,7 +171,8 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
   // a hole is one of a structure: another path may have other membranes
   for (std::uint32_t i = 0, layer = 0; i < made->model.membrane_count; ++i) {
     while (made->model.layers[layer].top_m < made->model.membranes[i].top_m) ++layer;
-    made->model.membrane_ids[i] = static_cast<std::uint8_t>(made->reported[std::min<std::size_t>(layer, count - 1)]);
+    made->model.membrane_ids[i] =
+        static_cast<std::uint8_t>(made->reported[std::min<std::size_t>(layer, count - 1)]);
   }
   if (has_bone) made->reported[count] = kTouchedBone;
   if (has_bone || body.isLive(Effect::kPalpation)) {

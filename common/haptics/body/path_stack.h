@@ -27,7 +27,6 @@ struct PathLayers {
   double asked_depth_m = 0;
 };
 
-
 /// Instead of a structure in PathStack::reported: the bone that the needle rests on.
 inline constexpr std::int8_t kTouchedBone = -1;
 
@@ -40,8 +39,8 @@ struct PathStack {
   std::array<std::int8_t, kMaxLayers> reported{};
 };
 
-/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 50 µm, and
-/// where there are bones the ball of `b` at most half of a's radius away from it.
+/// Whether two paths differ by less than a hand can feel: the same structures, tops and skin within 50 µm,
+/// and where there are bones the ball of `b` at most half of a's radius away from it.
 bool alike(const PathStack& a, const PathStack& b) noexcept;
 
 /// What the engine asks for a path with. All in W.
@@ -50,14 +49,14 @@ struct PathAsk {
   /// 0: the needle is outside, and the path begins at the skin nearest to `p_tip_W_m`. Otherwise the number
   /// of the insertion, and the path follows its line.
   std::uint64_t insertion = 0;
-  Vec3 p_tip_W_m;      ///< where the tip is expected when the path is used
+  Vec3 p_tip_W_m;            ///< where the tip is expected when the path is used
   double ball_radius_m = 0;  ///< how far around that bones are asked often
-  Vec3 axis_W;         ///< outside: the needle's axis; inside: u
-  Vec3 p_entry_W_m;    ///< inside: P0 …
+  Vec3 axis_W;               ///< outside: the needle's axis; inside: u
+  Vec3 p_entry_W_m;          ///< inside: P0 …
   Vec3 point_W_m, normal_W;  ///< … and the plane of the skin that the path keeps
-  double slant = 1;    ///< inside: c
-  double depth_m = 0;  ///< inside: δ of the tip …
-  double aside_m = 0;  ///< … and by how much that is more than the depth of the line there
+  double slant = 1;          ///< inside: c
+  double depth_m = 0;        ///< inside: δ of the tip …
+  double aside_m = 0;        ///< … and by how much that is more than the depth of the line there
 };
 
 /// Finds a path in the scene's body. False where the body has no skin near the tip, or no tissue below it.

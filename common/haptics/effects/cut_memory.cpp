@@ -83,13 +83,22 @@ double cutFrom(const CutTrack& track, const OnTrack& at, Vec3 u_W, double radius
   return cut_m;
 }
 
-// the insertion's own track moves with P0 and u, as do all lengths along u
-void turnOwnTrack(SimState& state) {
+// the insertion's own track moves with P0 and u, as do all lengths along u; in a body it stays where it was
+// cut, and when the line has turned away from it it is an earlier one
+void turnOwnTrack(const SceneModel& model, SimState& state) {
   CutMemory& cuts = state.cuts;
   if (cuts.own < kMaxCutTracks) {
     CutTrack& own = cuts.tracks[cuts.own];
-    own.p_entry_W_m = state.p_entry_W_m;
-    own.u_W = state.u_W;
+    if (!model.in_body) {
+      own.p_entry_W_m = state.p_entry_W_m;
+      own.u_W = state.u_W;
+    } else if (const Vec3 end = own.p_entry_W_m + own.u_W * own.length_m - state.p_entry_W_m;
+               normSquared(end - state.u_W * dot(state.u_W, end)) >
+               model.stage_numbers[kCutOwn][kCutRadius_m] * model.stage_numbers[kCutOwn][kCutRadius_m]) {
+      cuts.own = kMaxCutTracks;
+      cuts.shift_m = state.x_shift_m;
+      return;
+    }
     const double shift_m = state.x_shift_m - cuts.shift_m;
     own.length_m += shift_m;
     for (std::uint32_t i = 0; i < own.hole_count; ++i) own.holes[i].at_m += shift_m;
@@ -250,7 +259,7 @@ Vec3 remember(const SceneModel& model, const TipSample& sample, SimState& state,
     state.cuts.own = kMaxCutTracks;
     state.cuts.opened = 0;
   }
-  turnOwnTrack(state);
+  turnOwnTrack(model, state);
   const double x_m = dot(state.u_W, sample.p_WT_m - state.p_entry_W_m);
   const double x_before_m = tickBefore(state).x_m;
   double along_N = openMembranes(model, state, x_m, x_before_m, report);

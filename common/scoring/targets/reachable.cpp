@@ -25,8 +25,8 @@ double boneTowards_m(const pb::Profile& profile, const BodyLimb& body, Vec3 p_m)
   if (!(signedDepth(limb, p_m) > 0)) return std::numeric_limits<double>::infinity();
   const Vec3 skin = closestSkin(limb, p_m, {0, 0, -1}), normal = surfaceNormal(limb, skin, {0, 0, -1});
   const double depth_m = norm(skin - p_m);
-  const LayerStack stack = body.body->layersAlong(skin, -normal, std::min(1.0, depth_m + kBehind_m), 0,
-                                                  AtBone::kEnds);
+  const LayerStack stack =
+      body.body->layersAlong(skin, -normal, std::min(1.0, depth_m + kBehind_m), 0, AtBone::kEnds);
   for (std::size_t i = 0; i < stack.count; ++i)
     if (profile.volume().structures(stack.layers[i].structure).layer().tissue() == pb::Layer::BONE)
       return stack.layers[i].top_m;

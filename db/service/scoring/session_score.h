@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/scoring/measures/measures.h"
 #include "common/base/text/uuid.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/motion/dtw.h"

@@ -14,8 +14,9 @@ namespace needlelab {
 /// for.
 inline constexpr std::chrono::milliseconds kPathPoll{1};
 
-/// A thread below the haptic loop's priority, above ordinary work, that looks for questions and makes the paths. `ask`, `take` and `retire` are
-/// for one thread, the haptic thread, and are wait-free. Must outlive the engine that asks.
+/// A thread below the haptic loop's priority, above ordinary work, that looks for questions and makes the
+/// paths. `ask`, `take` and `retire` are for one thread, the haptic thread, and are wait-free. Must outlive
+/// the engine that asks.
 class PathWorker final : public PathMaker {
  public:
   /// `body` must outlive the worker. Starts the thread.

@@ -77,10 +77,9 @@ struct MetLayer {
 std::vector<MetLayer> layersMet(const SceneSpec& spec, const PreviewEntry& entry) {
   std::vector<MetLayer> met;
   if (const auto* body = std::get_if<BodyLimb>(&spec.limb)) {
-    const LayerStack stack = body->body->layersAlong(inverse(body->X_WL) * entry.point_m,
-                                                     rotate(conjugate(body->X_WL.q), -entry.normal),
-                                                     spec.needle_length_m, 0.5 * spec.needle_diameter_m,
-                                                     AtBone::kEnds);
+    const LayerStack stack = body->body->layersAlong(
+        inverse(body->X_WL) * entry.point_m, rotate(conjugate(body->X_WL.q), -entry.normal),
+        spec.needle_length_m, 0.5 * spec.needle_diameter_m, AtBone::kEnds);
     for (std::size_t i = 0; i < stack.count; ++i)
       met.push_back({stack.layers[i].structure, stack.layers[i].top_m,
                      i + 1 < stack.count ? stack.layers[i + 1].top_m : stack.end_m});
@@ -155,7 +154,8 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
   SceneEngine engine(*model);
   StepReport report;
   // a body's engine needs some ticks until it has found the needle's path
-  const std::uint64_t waits = std::holds_alternative<BodyLimb>(spec->limb) ? 2 * pathTicks(kPreviewRate_hz) : 0;
+  const std::uint64_t waits =
+      std::holds_alternative<BodyLimb>(spec->limb) ? 2 * pathTicks(kPreviewRate_hz) : 0;
   for (std::uint64_t tick = 0; tick < waits; ++tick)
     engine.step({entry.point_m + kPreviewLead_m * entry.normal, q_WT}, report);
   const double step_m = speed_mps / kPreviewRate_hz;

@@ -49,6 +49,21 @@ TEST(CutSnapshot, givesBackEveryNumber) {
   }
 }
 
+TEST(CutSnapshot, givesBackTheHolesOfABody) {
+  CutSnapshot sent = snapshotOf(3);
+  sent.cuts.tracks[1].hole_count = 2;
+  sent.cuts.tracks[1].holes[0] = {7, 0.0391};
+  sent.cuts.tracks[1].holes[1] = {7, -0.0566};
+  const Bytes bytes = encodeCuts(sent);
+  EXPECT_EQ(bytes.size(), 20 + 61 * 3 + 9 * 2);
+  const auto got = decodeCuts(bytes);
+  ASSERT_TRUE(got.ok()) << got.error().message;
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(got->cuts.tracks[i].holes, sent.cuts.tracks[i].holes);
+  Bytes many = bytes;
+  many[20 + 60] = kMaxCutHoles + 1;  // of the first track
+  EXPECT_TRUE(refused(many));
+}
+
 TEST(CutSnapshot, anotherLengthIsRefused) {
   const Bytes bytes = encodeCuts(snapshotOf(3));
   for (std::size_t length = 0; length < bytes.size(); ++length)
@@ -59,7 +74,7 @@ TEST(CutSnapshot, anotherLengthIsRefused) {
 }
 
 TEST(CutSnapshot, anotherVersionAndPlacesBeyondTheRingAreRefused) {
-  for (const std::uint8_t version : {0, 1, 3}) {
+  for (const std::uint8_t version : {0, 1, 4}) {
     Bytes bytes = encodeCuts(snapshotOf(3));
     bytes[0] = version;
     EXPECT_TRUE(refused(bytes, ErrorCode::kVersion)) << int{version};

@@ -177,9 +177,10 @@ TEST(BodyHardCases, aNeedlePassesAHoleInBone) {
   EXPECT_NEAR(beside.reports.back().stage_N[stageOf(Effect::kBone)], 600 * 0.014, 0.05);
 }
 
-// A needle that grazes a round bone by 0.6 mm slides past it, and feels what is there: the plane of muscle 4 mm
-// behind the bone, with no step on the way. Controls: without BONE the same layers at the same places; 2 mm
-// deep the shaft, which bends by 1.5 mm at most, holds, with the bone's spring over the way that has been gone.
+// A needle that grazes a round bone by 0.6 mm slides past it, and feels what is there: the plane of muscle 4
+// mm behind the bone, with no step on the way. Controls: without BONE the same layers at the same places; 2
+// mm deep the shaft, which bends by 1.5 mm at most, holds, with the bone's spring over the way that has been
+// gone.
 TEST(BodyHardCases, pastABonesEdgeTheTissueGoesOn) {
   FieldSpec field = slabOfTissue();
   field.groups.push_back({"bone", {capsule(mm(-100, 0, -15), mm(100, 0, -15), 4, 4)}});
