@@ -81,12 +81,15 @@ bool moveMembranes(const PathStack& before, const PathStack& next, double last_t
                    SimState& state) {
   const SceneModel &was = before.model, &model = next.model;
   const double x_cut_m = cuttingPosition(state, x_m);
+  // ahead of the tip the memory of the cut knows the holes, by their places
+  const double kept_m =
+      model.isLive(Effect::kCutMemory) ? std::min(last_top_m, state.depth_prev_m) : last_top_m;
   std::uint32_t holding = intactMembranes(state), met = 0, ruptured = 0, opened = 0, late = 0;
   std::array<double, kMaxLayers> places;
   for (; met < model.membrane_count; ++met) {
     const double top_m = model.membranes[met].top_m;
     const std::uint32_t bit = 1u << met;
-    const bool same = top_m <= last_top_m;
+    const bool same = top_m <= kept_m;
     if (same && met < state.membranes_met) {
       ruptured |= state.membranes_ruptured & bit;
       opened |= state.cuts.opened & bit;

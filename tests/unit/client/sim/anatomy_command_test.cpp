@@ -77,7 +77,7 @@ TEST(AnatomyCommand, writesRowsAndAPicture) {
   const auto json = nlohmann::json::parse(file);
   EXPECT_EQ(json["profile"], "forearm-volume");
   EXPECT_EQ(json["paths"], 20);
-  EXPECT_EQ(json["rows"].size(), 9u);
+  EXPECT_EQ(json["rows"].size(), 10u);
   EXPECT_TRUE(std::filesystem::exists(out / "anatomy.csv"));
   EXPECT_TRUE(std::filesystem::exists(out / "section.csv"));
   if (hasGnuplot()) {
