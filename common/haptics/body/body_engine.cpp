@@ -307,6 +307,8 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
                          (stored->flags & kFlagNewPath) == 0);
   if (made != nullptr && has_own) return use(made, ask.insertion, flags, state);
   if (made != nullptr) paths->retire(made);
+  // an entry's path was used before its tick
+  if (given_before && stored != nullptr) flags |= stored->flags & kFlagNewPath;
   if (!told || (state.inside && now == nullptr)) return false;
   replace(given.release(), flags, state);
   return true;

@@ -83,10 +83,9 @@ double endBetween(double in_m, double out_m, const Distance& distance) {
   return in_m;
 }
 
-/// The part in the target of the line through its centre along the skin's normal there.
-Way wayThrough(const Anatomy& anatomy, const Target& target) {
+/// The part in the target of the line through its centre along the unit vector `in`.
+Way wayThrough(const Target& target, Vec3 in) {
   const Vec3 center = target.ball.a_W_m;
-  const Vec3 in = -surfaceNormal(anatomy.limb, center, {0, 0, -1});
   const auto at = [&](double t_m) { return center + in * t_m; };
   const double radius_m = target.ball.radius_m;
   if (target.ball.structure != nullptr) {
@@ -214,7 +213,7 @@ double distanceTo(const Anatomy& anatomy, const Target& target, Vec3 p_W_m) {
 
 DepthSpan depthSpanOf(const Anatomy& anatomy, const Target& target) {
   if (isVolume(anatomy)) {
-    const Way way = wayThrough(anatomy, target);
+    const Way way = wayThrough(target, -surfaceNormal(anatomy.limb, target.ball.a_W_m, {0, 0, -1}));
     return {depthAt(anatomy, way.outer_W_m), depthAt(anatomy, way.inner_W_m)};
   }
   const double at_m = depthAt(anatomy, target.ball.a_W_m);
@@ -232,7 +231,7 @@ Vec3 tipForTarget(const Anatomy& anatomy, const Target& target, double opening_b
   Vec3 middle;
   double length_m = 0;
   if (isVolume(anatomy)) {
-    const Way way = wayThrough(anatomy, target);
+    const Way way = wayThrough(target, entry_W_m ? normalized(center - *entry_W_m) : -n);
     middle = 0.5 * (way.outer_W_m + way.inner_W_m);
     length_m = norm(way.inner_W_m - way.outer_W_m);
   } else {

@@ -213,14 +213,6 @@ TEST(VolumePatients, aNeedleOnThePlannedPathFeelsTheirLayersTwiceAlike) {
   }
 }
 
-/// Makes no path: palpation needs none.
-class PathlessMaker final : public PathMaker {
- public:
-  void ask(const PathAsk& /*ask*/) noexcept override {}
-  bool take(PathStack*& /*made*/) noexcept override { return false; }
-  void retire(PathStack* /*path*/) noexcept override {}
-};
-
 // A capped tip comes down at random places, slides to and fro up to 12 mm deep, over edges of bone and
 // valleys of skin, and lifts: no tick steps by more than FORCE_MODEL.md says, and the hand gets back no more
 // than it gave.
@@ -238,8 +230,7 @@ TEST(VolumePatients, aCappedTipThatSlidesOverThemIsSmoothAndPassive) {
                  mu = numbers.friction_coefficient();
     test::Random random(7);
     for (int slide = 0; slide < kSlides; ++slide) {
-      PathlessMaker paths;
-      SceneEngine engine(*model, &paths);
+      SceneEngine engine(*model);
       engine.wantCap(true);
       const Vec3 over =
           nearestSkin(scene.limb, {random.in(-0.04, 0.04), random.in(-0.04, 0.04), 0}, {0, 0, -1});

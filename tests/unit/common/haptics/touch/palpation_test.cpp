@@ -388,7 +388,7 @@ TEST(Palpation, aReaderOfTheTicksHasTheSameForces) {
   }
 }
 
-/// Makes no path: palpation needs none.
+/// Makes no path: what is tested here needs no bones.
 class NoPaths final : public PathMaker {
  public:
   void ask(const PathAsk& /*ask*/) noexcept override {}

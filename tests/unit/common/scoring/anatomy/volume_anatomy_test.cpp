@@ -111,6 +111,22 @@ TEST(VolumeAnatomy, ofShellsAnswersAsTheBallOfLayers) {
   }
 }
 
+// an oblique way goes through another part of a target than the one straight in
+TEST(VolumeAnatomy, aTipLiesOnTheLineFromItsEntryThroughTheTargetsCentre) {
+  for (const char* region : {"shoulder", "wrist", "knee", "lumbar"}) {
+    const auto profile = loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "volumes" /
+                                     (std::string(region) + "-median.json"));
+    ASSERT_TRUE(profile.ok()) << profile.error().message;
+    const Anatomy anatomy = anatomyOf(*profile, {});
+    const Vec3 center = anatomy.targets.at(0).ball.a_W_m;
+    for (const double behind_m : {0.0, 0.001}) {
+      const Vec3 tip = tipForTarget(anatomy, anatomy.targets.at(0), behind_m, Vec3{});
+      EXPECT_LT(norm(cross(normalized(tip), normalized(center))), 1e-6) << region;
+      EXPECT_LE(distanceTo(anatomy, anatomy.targets.at(0), tip), 0) << region;
+    }
+  }
+}
+
 TEST(VolumeAnatomy, aTargetOfTheMuscleEndsWhereTheFatDoes) {
   nlohmann::json tree = test::ballOfRules();
   tree["targets"][0]["center_m"] = {{"x", 0}, {"y", 0}, {"z", -0.01}};
