@@ -54,7 +54,7 @@ struct HubSettings {
   std::size_t max_subscriptions = 2000;     ///< of one account over all its connections
   std::size_t max_frame_bytes = 64u << 10;  ///< of a live frame's data
   std::size_t max_frame_samples = 1000;     ///< of a live frame; stations send 20
-  std::size_t max_cut_memory_bytes = 1024;  ///< of a live frame; stations send 980 at most
+  std::size_t max_cut_memory_bytes = 4096;  ///< of a live frame; stations send 3,300 at most
   std::size_t max_paths_bytes = 32'768;     ///< of a live frame; stations send a few hundred
   std::size_t max_status_bytes = 2048;      ///< of a station's status line
   std::string server_name{};                ///< for StationStatus.server; empty: the only server of the lab

@@ -272,14 +272,14 @@ TEST(Hub, theMemoryOfTheCutGoesToViewersAndHasABound) {
   ASSERT_FALSE(hub.subscribe(fast, toStation(1, "bench-1"), 0));
   pb::LiveFrame frame;
   frame.set_data("samples");
-  frame.set_cut_memory(std::string(1024, 'c'));
+  frame.set_cut_memory(std::string(4096, 'c'));
   EXPECT_FALSE(hub.onLiveFrame("bench-1", frame, 0));
   ASSERT_EQ(fast.liveFrames(), 1u);
-  frame.set_cut_memory(std::string(1025, 'c'));
+  frame.set_cut_memory(std::string(4097, 'c'));
   const auto refusal = hub.onLiveFrame("bench-1", frame, 0);
   ASSERT_TRUE(refusal.has_value());
   EXPECT_EQ(refusal->reason(), pb::Refusal::TOO_LARGE);
-  EXPECT_THAT(refusal->text(), testing::HasSubstr("cut_memory of 1025 bytes: the limit is 1024"));
+  EXPECT_THAT(refusal->text(), testing::HasSubstr("cut_memory of 4097 bytes: the limit is 4096"));
   EXPECT_EQ(fast.liveFrames(), 1u);
 }
 
