@@ -12,6 +12,8 @@ namespace needlelab {
 class FieldBody final : public Body {
  public:
   explicit FieldBody(Field field);
+  FieldBody(const FieldBody&) = delete;  // its bones refer to its field
+  FieldBody& operator=(const FieldBody&) = delete;
 
   [[nodiscard]] double depth(Vec3 p_m) const noexcept override;
   [[nodiscard]] Vec3 normal(Vec3 p_m) const noexcept override;

@@ -21,6 +21,7 @@ constexpr double kReach = 1.1;
 constexpr double kFirst_m = 2e-4;
 /// An entry outside of the skin, beside which the plane lies, has its skin found in so many steps.
 constexpr int kSkinSteps = 64;
+constexpr double kSkinStep_m = 1e-4;
 constexpr double kAlike_m = 5e-5, kAlikeCosine = 1 - 5e-7;
 constexpr double kEndless_m = 1.0;
 
@@ -74,18 +75,17 @@ bool findInside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, P
   path.point_W_m = ask.point_W_m;
   path.normal_W = ask.normal_W;
   path.asked_depth_m = ask.depth_m;
-  // the plane lies beside the skin where that is round
+  // the plane lies beside the skin where that is round: a march from outside is empty
   const double reach_m = std::min(1.0, kReach * spec.needle_length_m);
   double from_m = 0;
   for (int i = 0; i < kSkinSteps && from_m < reach_m; ++i) {
-    const double outside_m = -body.depth(ask.p_entry_W_m + ask.axis_W * (from_m + kFirst_m));
-    if (outside_m < 0) break;
-    from_m += std::max(outside_m / kMostSteep, 0.5 * kFirst_m);
+    const Vec3 from_W_m = ask.p_entry_W_m + ask.axis_W * from_m;
+    takeLayers(body.layers(from_W_m, ask.axis_W, reach_m - from_m, sliver_m(spec)), from_m, ask.slant,
+               ask.aside_m, path);
+    if (path.count > 0) return path.layers[0].structure != kOutside;
+    from_m += std::max(-body.depth(from_W_m) / kMostSteep, kSkinStep_m);
   }
-  if (!(from_m < reach_m)) return false;
-  takeLayers(body.layers(ask.p_entry_W_m + ask.axis_W * from_m, ask.axis_W, reach_m - from_m, sliver_m(spec)),
-             from_m, ask.slant, ask.aside_m, path);
-  return path.count > 0 && path.layers[0].structure != kOutside;
+  return false;
 }
 
 /// The tissue on the far side of the body: none, with the skin's stiffness.
@@ -132,7 +132,6 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
   spec.bone_normal.reset();
   spec.layers.clear();
   auto made = std::make_unique<PathStack>();
-  const LayerSpec* bone = nullptr;
   double top_m = 0;
   for (std::uint32_t i = 0; i < path.count; ++i) {
     const LayerStack::Layer& layer = path.layers[i];
@@ -142,7 +141,7 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
                                : body.body_spec->layers[layer.structure];
     const auto reported =
         static_cast<std::int8_t>(layer.structure == kOutside ? path.layers[0].structure : layer.structure);
-    if (has_bone && own.is_bone) continue;  // no needle comes into it: the tissue before it goes on
+    if (has_bone && own.is_bone) continue;  // no needle comes into it: the tissue before it continues
     if (!spec.layers.empty() && made->reported[spec.layers.size() - 1] == reported &&
         layer.structure != kOutside)
       continue;
@@ -158,9 +157,9 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
   if (spec.layers.empty()) return nullptr;
   const std::size_t count = spec.layers.size();
   if (has_bone) {
-    for (const LayerSpec& structure : body.body_spec->layers)
-      if (structure.is_bone && bone == nullptr) bone = &structure;
-    spec.layers.push_back(*bone);
+    const auto& structures = body.body_spec->layers;
+    spec.layers.push_back(*std::find_if(structures.begin(), structures.end(),
+                                        [](const LayerSpec& structure) { return structure.is_bone; }));
     spec.layers.back().thickness_m = kEndless_m;
   }
   auto model = compile(spec, body.rate_hz, &body.fixture_steepness);

@@ -33,7 +33,7 @@ double belowBonePlane(const SceneModel& model, Vec3 p_W_m) {
 // the outermost layer of bone
 struct BoneLayer {
   const SceneModel& model;
-  Vec3 /*u*/ unused_W;
+  Vec3 u_W;  // a convex bone needs none
   static constexpr bool kIsConvex = true;
 
   // a slanting bone ends at the skin

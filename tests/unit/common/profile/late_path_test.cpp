@@ -1,6 +1,9 @@
 // A path that comes late: a quick dive, after a turn in the air or alone, feels the layers of its own line.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <set>
+
 #include "tests/unit/common/profile/patients_in_body.h"
 
 namespace needlelab::patients_in_body::late_path {
@@ -66,12 +69,67 @@ TEST(LatePath, aDiveFeelsTheLayersOfItsOwnLine) {
   }
 }
 
-// the first path comes when the tip is in
-TEST(LatePath, aFirstPathThatComesInTissueBringsItsForces) {
-  constexpr double kSpeed_mps = 0.2, kAbove_m = 1e-3;
+// Answers each question but the first that many times later.
+class LatePaths final : public PathMaker {
+ public:
+  LatePaths(const SceneModel& body, int late) : in_place_(body), late_(late) {}
+  void ask(const PathAsk& ask) noexcept override {
+    in_place_.ask(ask);
+    left_ = asks_++ == 0 ? 0 : late_;
+  }
+  bool take(PathStack*& made) noexcept override { return left_-- <= 0 && in_place_.take(made); }
+  void retire(PathStack* path) noexcept override { in_place_.retire(path); }
+
+ private:
+  PathsInPlace in_place_;
+  int late_, left_ = 0, asks_ = 0;
+};
+
+// At 500 mm/s, after a turn, and where a path comes 20 ms late: a layer that was passed unfelt is flagged, as
+// are the ticks that kept a path. Control: in time, at 50 mm/s alone, no tick has a flag.
+TEST(LatePath, whatAQuickDivePassesUnfeltIsFlagged) {
+  int missing = 0, flagged = 0;
   for (const Patient& patient : patients()) {
     const Plan plan = planOf(patient);
-    for (const int rest : {1, 10, 19}) {
+    for (const int late : {0, 4}) {
+      LatePaths paths(*patient.model, late);
+      Needle needle(*patient.model, &paths);
+      std::uint32_t flags = 0;
+      std::set<int> felt_layers;
+      const auto each = [&](const StepReport& report) {
+        flags |= report.flags;
+        felt_layers.insert(report.layer);
+      };
+      if (late > 0) {
+        needle.rest({-0.03, 0, 0.012}, plan.line.axis);
+        needle.to(plan.line.at(-0.006), 0.5);
+      } else {
+        needle.rest(plan.line.at(-0.006), plan.line.axis);
+      }
+      needle.to(plan.line.at(plan.end_m), late > 0 ? 0.5 : 0.05, each);
+      const bool misses = std::any_of(plan.layers.begin(), plan.layers.end(), [&](const Stretch& one) {
+        // a tick is 0.5 mm
+        return one.to_m < plan.end_m && one.length_m() > 1e-3 && !felt_layers.contains(one.structure);
+      });
+      const bool is_flagged = (flags & kFlagSkipped) != 0;
+      EXPECT_EQ((flags & kFlagKeptPath) != 0, late > 0) << patient.name;
+      if (late == 0) EXPECT_FALSE(misses || is_flagged) << patient.name;
+      if (misses) EXPECT_TRUE(is_flagged) << patient.name << ": a layer was passed, and no tick says so";
+      missing += misses;
+      flagged += is_flagged;
+    }
+  }
+  std::printf("late paths at 500 mm/s: %d of %zu dives miss a layer, %d are flagged\n", missing,
+              patients().size(), flagged);
+  EXPECT_GT(missing, 2);
+}
+
+// the first path comes when the tip is in
+TEST(LatePath, aFirstPathThatComesInTissueBringsItsForces) {
+  constexpr double kSpeed_mps = 0.2, kAbove_m = 0.2e-3;
+  for (const Patient& patient : patients()) {
+    const Plan plan = planOf(patient);
+    for (const int rest : {1, 2, 3}) {
       Needle needle(patient);
       needle.rest(plan.line.at(-kAbove_m), plan.line.axis, rest);
       double path_m = -1, force_m = -1;
@@ -85,6 +143,7 @@ TEST(LatePath, aFirstPathThatComesInTissueBringsItsForces) {
       std::printf(
           "first path in tissue: %-16s after %2d ticks of rest: path at %.1f mm, forces from %.1f mm, then right in %.1f %%\n",
           patient.name.c_str(), rest, 1e3 * path_m, 1e3 * force_m, share.percent());
+      EXPECT_GT(path_m, 0.1e-3) << patient.name << ", " << rest << ": it came outside";
       EXPECT_GE(force_m, 0) << patient.name << ", " << rest << ": never a force";
       EXPECT_LE(force_m, std::max(0.0, path_m) + 0.002)
           << patient.name << ", " << rest << ": the forces come late";

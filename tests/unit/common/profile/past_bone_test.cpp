@@ -176,7 +176,7 @@ TEST(PastBone, aHandThatIsTurnedAsideByABoneFeelsAllLayersBeyond) {
                 patient.name.c_str(), through, ticks.percent(), ticks.all);
     EXPECT_GE(ticks.percent(), 98) << patient.name << ": beyond the bone the layer is not the field's";
   }
-  EXPECT_GE(passed, static_cast<long>(2 * wanted)) << "needles come past a bone";
+  EXPECT_GE(passed, static_cast<long>(10 * wanted)) << "needles come past a bone";
 }
 
 // the membranes that a needle meets on its own line, which may turn: where the field's structure there

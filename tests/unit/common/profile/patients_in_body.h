@@ -183,7 +183,7 @@ inline Quat pointing(Vec3 axis) {
 class Needle {
  public:
   explicit Needle(const Patient& patient) : Needle(*patient.model) {}
-  explicit Needle(const SceneModel& model) : engine_(model) {}
+  explicit Needle(const SceneModel& model, PathMaker* paths = nullptr) : engine_(model, paths) {}
   const StepReport& at(Vec3 tip_m, Vec3 axis) {
     if (!(axis == axis_)) q_ = pointing(axis_ = axis);
     tip_m_ = tip_m;

@@ -205,7 +205,7 @@ TEST(BodyEngine, ticksNeverUseTheHeapOnPathsThatAnotherMade) {
     std::array<PathStack*, 4096> retired{};
   };
   const auto model = std::make_unique<SceneModel>(compiled(sceneIn(arm()), kRate_hz));
-  const Motion motion = insertion({0, 0.012, -0.001}, 0.3, 0.028, 0.04);
+  const Motion motion = insertion({0, 0.002, 0}, 0.1, 0.035, 0.04);  // on to bone
   Beforehand paths;
   std::vector<std::unique_ptr<PathStack>> owned;
   {
@@ -219,6 +219,7 @@ TEST(BodyEngine, ticksNeverUseTheHeapOnPathsThatAnotherMade) {
   for (const auto& path : owned) paths.made_.push_back(path.get());
   std::uint64_t calls = 0;
   std::uint32_t seen = 0;
+  bool touched = false;
   {
     SceneEngine engine(*model, &paths);
     StepReport report;
@@ -227,6 +228,7 @@ TEST(BodyEngine, ticksNeverUseTheHeapOnPathsThatAnotherMade) {
       for (const TipSample& sample : motion) {
         engine.step(sample, report);
         seen |= report.flags;
+        touched = touched || engine.state().bone.touching;
       }
       calls = scope.calls();
     }
@@ -234,6 +236,7 @@ TEST(BodyEngine, ticksNeverUseTheHeapOnPathsThatAnotherMade) {
   EXPECT_EQ(calls, 0u);
   EXPECT_TRUE(seen & kFlagEntry);
   EXPECT_TRUE(seen & kFlagNewPath);
+  EXPECT_TRUE(touched);
 }
 
 /// The layers along a line, by asking the field every 5 µm; slivers go to the layer before.

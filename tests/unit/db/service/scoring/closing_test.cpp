@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/haptics/engine.h"
 #include "common/scoring/measures/syringe_events.h"
 #include "db/service/scoring/session_samples.h"
 #include "tests/unit/db/service/test_service.h"
@@ -333,6 +334,32 @@ TEST_F(Closing, aRestlessPlungersEventsAreBoundedWithARemark) {
   EXPECT_NE(remarks().annotations(0).text().find("3600 strokes"), std::string::npos);
   ASSERT_OK(store->service().scoring().closeSession(close, "station-1"));
   EXPECT_EQ(remarks().annotations_size(), 1);
+}
+
+// control: the same samples without the flags have no remark
+TEST_F(Closing, aSessionInABodyWhosePathsCameLateHasOneRemark) {
+  for (const bool is_late : {false, true}) {
+    auto samples = test::someSamples(0, 100);
+    if (is_late) {
+      samples[40].flags |= kFlagKeptPath;
+      samples[45].flags |= kFlagKeptPath;
+      samples[60].flags |= kFlagSkipped;
+    }
+    const Bytes chunk = encodeChunk(Resolution::standard(), samples);
+    const Uuid id = makeUuidV7();
+    auto d = test::describe(id);
+    d.set_profile_json(kneeProfile());
+    recordChunk(id, d, chunk);
+    for (int time = 0; time < 2; ++time)
+      ASSERT_OK(store->service().scoring().closeSession(closingOf(id, chunk, 100), "station-1"));
+    pb::Request list;
+    list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
+    const auto remarks = get(instructor, list).annotations();
+    ASSERT_EQ(remarks.annotations_size(), is_late ? 1 : 0);
+    if (!is_late) continue;
+    EXPECT_EQ(remarks.annotations(0).tick(), 40u);
+    EXPECT_THAT(remarks.annotations(0).text(), testing::HasSubstr("too late in 2 ticks, and in 1 "));
+  }
 }
 
 // the closing client may cut the connection before score and events are stored: then each reader computes
