@@ -138,7 +138,7 @@ std::uint32_t continueOn(const PathStack& before, PathStack& next, SimState& sta
   const std::uint32_t common = commonLayers(before, next);
   const bool has_membranes =
       model.isLive(Effect::kPuncture) || axialEntry(model.axial_model).topOf != nullptr;
-  if (has_membranes &&
+  if ((has_membranes || state.membranes_met > 0) &&  // the next path may have no membrane
       moveMembranes(before, next, common > 0 ? model.layers[common - 1].top_m : -1.0, x_m, state))
     flags |= kFlagLayerChange;
   moveTops(next, common, x_m, state);

@@ -305,6 +305,31 @@ TEST(BodyHardCases, aHoleStaysWithItsStructureWhereMembranesDiffer) {
   }
 }
 
+// The only membrane lies on one side: the needle stretches it and turns to the other side, where no path has
+// one. It lets go, and deeper the force is that of tissue without it. Control: straight on, it is ruptured.
+TEST(BodyHardCases, aMembraneThatTheNextPathLacksLetsGo) {
+  const auto field = [](bool has_fascia) {
+    FieldSpec made = slabOfTissue();
+    made.structures[1].layer.membrane = {};
+    if (!has_fascia) return made;
+    made.groups.push_back({"left", {halfSpace({}, {1, 0, 0})}});
+    made.structures.push_back(structure("fascia", tissue(0.8)));
+    made.structures.back().layer.membrane = MembraneSpec{800, 4e5, 2};
+    made.rules.insert(made.rules.begin(), rule("skin", -9, -8, "fascia", {{"left", -kNoBound, 0}}));
+    return made;
+  };
+  const double lean = 10 * kDegree;
+  Hand hand(mm(-0.1, 0, 5), 0);
+  hand.to(mm(-0.1, 0, -8.8), 0.02).turnTo(mm(1.5, 0, -8.8), lean, 0.01).rest(50);
+  hand.turnTo(mm(1.5, 0, -8.8) + Vec3{std::sin(lean), 0, -std::cos(lean)} * 0.012, lean, 0.02);
+  const BodyRun run = hand.in(sceneIn(field(true))), without = hand.in(sceneIn(field(false)));
+  EXPECT_EQ(run.ticksWith(kFlagRupture), 0);
+  EXPECT_GE(run.ticksWith(kFlagLayerChange), 1);
+  EXPECT_LT(norm(run.reports.back().wrench_W.force_N - without.reports.back().wrench_W.force_N), 0.02);
+  const BodyRun straight = Hand(mm(-0.1, 0, 5), 0).to(mm(-0.1, 0, -20), 0.02).in(sceneIn(field(true)));
+  EXPECT_EQ(straight.ticksWith(kFlagRupture), 1);
+}
+
 // Bone lies 2 mm under the skin, 5 mm beside the needle: no force of bone. Control: above its middle.
 TEST(BodyHardCases, entryBesideBoneDoesNotTouchIt) {
   FieldSpec field = slabOfTissue();
