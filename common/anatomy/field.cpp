@@ -176,10 +176,12 @@ Result<Field> Field::make(const FieldSpec& spec) {
 /// always above v + k is left out: it does not change a value up to v, and leaves others above v.
 class Field::Mattering {
  public:
+  /// `beyond_rules`: v is unbounded, so that no value changes.
+  explicit Mattering(bool beyond_rules = false) : beyond_rules_(beyond_rules) {}
   bool matters(const Part& part, double low_m, double high_m) noexcept {
     if (part.group != group_) {
       group_ = part.group;
-      up_to_m_ = part.ruled_m;
+      up_to_m_ = beyond_rules_ ? kInfinity : part.ruled_m;
     }
     if (low_m > up_to_m_ + part.blend_m) return false;
     up_to_m_ = std::min(up_to_m_, high_m) + part.blend_m;
@@ -187,6 +189,7 @@ class Field::Mattering {
   }
 
  private:
+  bool beyond_rules_;
   unsigned group_ = kMaxFieldGroups;
   double up_to_m_ = 0;
 };
@@ -413,6 +416,21 @@ Field::InBall Field::inBall(Vec3 center_m, double radius_m, StructureMask mask) 
     }
   }
   return inBallOf(groups, center_m, radius_m);
+}
+
+Field::InBall Field::InBall::inBall(Vec3 center_m, double radius_m) const noexcept {
+  InBall ball;
+  ball.field_ = field_;
+  const double changes_m = field_->steep_ * radius_m + kRounding_m;
+  Mattering mattering(true);
+  for (std::size_t i = count_; i-- > 0;) {
+    const Part& part = field_->parts_[parts_[i]];
+    const double distance_m = distanceTo(part, center_m);
+    if (mattering.matters(part, distance_m - changes_m, distance_m + changes_m))
+      ball.parts_[ball.count_++] = parts_[i];
+  }
+  std::reverse(ball.parts_.begin(), ball.parts_.begin() + ball.count_);
+  return ball;
 }
 
 FieldPoint Field::InBall::at(Vec3 p_m) const noexcept {

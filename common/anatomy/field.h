@@ -91,6 +91,8 @@ class Field {
     [[nodiscard]] FieldPoint at(Vec3 p_m) const noexcept;
     /// As Field's. Its size is at most √1.25 times the distance, within the ball.
     [[nodiscard]] double structuresDistance(StructureMask mask, Vec3 p_m) const noexcept;
+    /// The same values in a smaller ball, of fewer parts.
+    [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m) const noexcept;
 
    private:
     friend class Field;

@@ -50,7 +50,7 @@ class FieldBones final : public Bones {
     return std::min(near_.structuresDistance(mask_, p_m), room_m);
   }
   [[nodiscard]] Vec3 slope(Vec3 p_m) const noexcept override {
-    const Field::InBall& near = at(p_m);
+    const Field::InBall near = at(p_m).inBall(p_m, 1.01 * kHalf_m);
     return slopeOf([&](Vec3 p) { return near.structuresDistance(mask_, p); }, p_m);
   }
   [[nodiscard]] StructureIndex structureAt(Vec3 p_m) const noexcept override {

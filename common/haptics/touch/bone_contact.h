@@ -76,7 +76,7 @@ inline void forgetTissue(BoneContact& bone) {
 template <class Surface>
 Vec3 firstProxy(const Surface& bone, Vec3 from_W_m, Vec3 at_W_m, Vec3 way) {
   if (bone.depth(from_W_m) > kOnSurface_m) return from_W_m;
-  return onto(bone, at_W_m, bone.normal(at_W_m, way));
+  return onto(bone, at_W_m, way);
 }
 
 // updates the contact for this tick's tip, which is `depth_m` under the skin. `from_W_m`: the last tip; used

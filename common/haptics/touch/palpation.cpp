@@ -159,7 +159,7 @@ void touch(const Surface& surface, double most_m, Vec3 tip_W_m, Vec3 motion, Pro
     bone.touching = followTip(surface, 0.0, tip_W_m, most_m, bone);
     if (!bone.touching) bone = {};
   } else if (const double depth_m = surface.depth(tip_W_m); depth_m > 0.0 && !(depth_m > most_m)) {
-    bone.p_proxy_W_m = onto(surface, tip_W_m, surface.normal(tip_W_m, motion));
+    bone.p_proxy_W_m = onto(surface, tip_W_m, motion);
     bone.touching = true;
   }
 }

@@ -22,6 +22,8 @@ namespace needlelab::proxy_contact {
 inline constexpr int kMaxSlips = 8;
 /// A place closer than this to the surface is on it.
 inline constexpr double kOnSurface_m = 1e-9;
+/// On a surface with hollows, which costs time to ask, a shorter slip waits for the next tick.
+inline constexpr double kStill_m = 1e-8;
 /// How much faster than the tip the proxy may fall over an edge: 4 mm in 0.2 s.
 inline constexpr double kFallSpeed_mps = 0.020;
 
@@ -33,18 +35,20 @@ inline constexpr double kFallSpeed_mps = 0.020;
 //   bool meets(from, to, begins_on, at&) const;   whether a way meets it, and where
 //   bool reaches(from, to, tip) const;            whether the proxy may go there
 
-// the nearest place on the surface
+// the nearest place on the surface; `motion`: of the tip, where the normal is undefined
 template <class Surface>
-Vec3 onto(const Surface& surface, Vec3 p_W_m, Vec3 normal_W) {
-  if constexpr (!Surface::kIsConvex) return surface.onto(p_W_m);
-  return p_W_m + normal_W * surface.depth(p_W_m);
+Vec3 onto(const Surface& surface, Vec3 p_W_m, Vec3 motion) {
+  if constexpr (Surface::kIsConvex)
+    return p_W_m + surface.normal(p_W_m, motion) * surface.depth(p_W_m);
+  else
+    return surface.onto(p_W_m);
 }
 
 // moves a place outside the surface onto it; one beyond it stays, or comes out of a surface with hollows
 template <class Surface>
 Vec3 outOf(const Surface& surface, Vec3 p_W_m, Vec3 motion) {
   if (Surface::kIsConvex && surface.depth(p_W_m) > kOnSurface_m) return p_W_m;
-  return onto(surface, p_W_m, surface.normal(p_W_m, motion));
+  return onto(surface, p_W_m, motion);
 }
 
 // √(2 + μ²): the greatest change of the stretch over the tip's movement, along a flat surface
@@ -73,7 +77,7 @@ template <class Surface>
 void backOnto(const Surface& surface, Vec3 tip_W_m, double max_m, ProxyContact& contact) {
   const Vec3 proxy_W_m = contact.p_proxy_W_m, stretch = proxy_W_m - tip_W_m;
   if (!(surface.depth(proxy_W_m) < -kOnSurface_m)) return;
-  const Vec3 move = onto(surface, proxy_W_m, surface.normal(proxy_W_m, stretch)) - proxy_W_m;
+  const Vec3 move = onto(surface, proxy_W_m, stretch) - proxy_W_m;
   if (!(normSquared(stretch + move) < normSquared(stretch))) return;
   contact.p_proxy_W_m = proxy_W_m + move * shareWithin(stretch - contact.stretch_W_m, move, max_m);
 }
@@ -108,6 +112,7 @@ bool followTip(const Surface& surface, double friction, Vec3 tip_W_m, double max
     const Vec3 along = to_tip + normal * pressed_m;
     const double along_m = norm(along), sticks_m = friction * pressed_m;
     if (along_m <= sticks_m || slip == kMaxSlips) return true;
+    if (!Surface::kIsConvex && along_m - sticks_m <= kStill_m) return true;
     const Vec3 move = along * (1.0 - sticks_m / along_m);
     // on a curved surface a long slip could lengthen the spring: then try a shorter one
     const double max_share = shareWithin(change, move, max_m);

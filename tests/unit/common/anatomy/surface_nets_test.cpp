@@ -184,6 +184,10 @@ TEST(FieldInBall, hasTheSameBitsAsTheFieldThere) {
     if (std::fabs(d) < 1e-3) {
       ASSERT_EQ(near.structuresDistance(maskOf(8), p), d);
     }
+    // a ball made of a ball has its values, also far from any surface
+    const Vec3 q = p + normalized(randomPoint(random, {-1, -1, -1}, {1, 1, 1})) * 1e-4;
+    ASSERT_EQ(near.inBall(p, 1.01e-4).structuresDistance(maskOf(8), q),
+              near.structuresDistance(maskOf(8), q));
   }
 }
 
