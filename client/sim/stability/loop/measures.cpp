@@ -133,6 +133,19 @@ double maxForce_N(const PlantRun& run) {
   return most;
 }
 
+std::optional<double> greatestInASecond_J(std::span<const PlantTick> ticks, double rate_hz) {
+  const auto second = static_cast<std::size_t>(rate_hz + 0.5);
+  if (ticks.size() < 2 * second) return std::nullopt;
+  double more_J = 0, most_J = 0;  // the sum over the later second minus that over the earlier one
+  for (std::size_t k = 0; k < ticks.size(); ++k) {
+    more_J += ticks[k].grip_J;
+    if (k >= second) more_J -= 2 * ticks[k - second].grip_J;
+    if (k >= 2 * second) more_J += ticks[k - 2 * second].grip_J;
+    if (k + 1 >= 2 * second) most_J = std::max(most_J, more_J / static_cast<double>(second));
+  }
+  return most_J;
+}
+
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,
                          double axial_stiffness_N_per_m, double slant) {
   const int times = (report.flags & kFlagTurn) != 0 ? 3 : 2;

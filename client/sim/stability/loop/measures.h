@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -41,6 +42,11 @@ int stopsIn(std::span<const PlantTick> ticks, Phase before);
 
 bool allFinite(const PlantRun& run);
 double maxForce_N(const PlantRun& run);
+
+/// The greatest energy that the hand receives in any second of these ticks, in J: the mean of `grip_J` over a
+/// second minus that over the second before, so that what springs take and return within a swing does not
+/// count, nor what the hand paid earlier. At least 0; empty for less than two seconds.
+std::optional<double> greatestInASecond_J(std::span<const PlantTick> ticks, double rate_hz);
 
 /// The declared releases: at a tick with one of these flags a fall of the force is explained. A change of
 /// trajectory only lowers the fixture's force.

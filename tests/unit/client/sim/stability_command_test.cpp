@@ -48,7 +48,7 @@ TEST(StabilityCommand, givesTheRowsOfTheContract) {
   EXPECT_NEAR(wall.at("passive_margin").get<double>(), 0.5 / 1.5e-3 / 500, 1e-9);
   EXPECT_EQ(wall.at("step_noticeable"), false);
   EXPECT_TRUE(wall.at("grip_energy_j").is_number());
-  EXPECT_THAT(run.out, HasSubstr("boundary_hold           4.67         0.667 not"));
+  EXPECT_THAT(run.out, HasSubstr("boundary_hold           4.67           0.667 not"));
   EXPECT_EQ(direct.at("verdict"), "chatters");
   EXPECT_EQ(direct.at("passed"), false);
   EXPECT_GT(direct.at("chatter_n"), wall.at("chatter_n"));
