@@ -53,7 +53,9 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
     if (trial.row().limit) trial.require(true);
     outcome = std::move(trial.outcome);
   }
+  CaseEntry entry(settings.file, hard_case.name);
   outcome.row.case_name = hard_case.name;
+  outcome.row.title = entry.has("title") ? entry.text("title") : hard_case.name;
   outcome.row.model = model;
   return outcome;
 }

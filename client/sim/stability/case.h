@@ -142,7 +142,7 @@ std::string neighboursText(const NeighbourCount& count);
 
 /// One row of `needlelab-sim stability`. Empty numbers are null in JSON.
 struct CaseRow {
-  std::string case_name;
+  std::string case_name, title;  ///< as in cases.json; the title is for people
   AxialModel model = AxialModel::kEnhancedTrackingWall;
   bool applicable = false;
   bool finite = false;

@@ -114,5 +114,23 @@ TEST(StabilityCommand, drawsTheCasesThatItRan) {
     EXPECT_GT(std::filesystem::file_size(folder.path() / "out" / name), 5000U) << name;
 }
 
+// the case with trouble first, by its title, with its control; cells that are all equal are grey (4)
+TEST(StabilityCommand, thePictureHasTheMostTroubledCaseOnTop) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  auto changed = CaseFile::embedded().value().json();
+  changed["cases"]["loose_tap"]["neighbours"] = {
+      {"count", 2}, {"spread", 0.1}, {"least_stable", 1}, {"seed", 1}};
+  changed["cases"]["loose_tap"]["hold_limit_n"] = 0;
+  const auto cases = folder.write("cases.json", changed.dump());
+  sim({"stability", "--case", "quaternion_sign", "--case", "loose_tap", "--model", "ENHANCED_TRACKING_WALL",
+       "--cases", cases.string(), "--out", (folder.path() / "out").string()});
+  const std::string text = readWholeFile(folder.path() / "out" / "stability.dat").value();
+  EXPECT_LT(text.find("on bone, taps 4 ticks late\t"), text.find("the quaternion’s sign alternates\t"));
+  EXPECT_THAT(text, HasSubstr("neighbours that stay stable ≥ 100 % · with control"));
+  EXPECT_THAT(text, HasSubstr("0\t1\t4\t0\n")) << "stable, as in all";
+  EXPECT_THAT(text, testing::Not(HasSubstr("quaternion_sign")));
+}
+
 }  // namespace
 }  // namespace needlelab

@@ -53,8 +53,8 @@ TEST(WilsonInterval, solvesItsEquation) {
     const ShareInterval interval = wilsonInterval(share, count);
     for (const double p : {interval.low, interval.high})
       EXPECT_NEAR((share - p) * (share - p), kNormal975 * kNormal975 * p * (1 - p) / count, 1e-15);
-    EXPECT_LE(interval.low, share);
-    EXPECT_GE(interval.high, share);
+    EXPECT_LE(interval.low, share + 1e-12);
+    EXPECT_GE(interval.high, share - 1e-12);
   }
   EXPECT_EQ(wilsonInterval(0, 0).high, 1);
 }
