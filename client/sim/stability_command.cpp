@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "client/sim/command.h"
+#include "client/sim/device_study.h"
 #include "client/sim/stability/case.h"
 #include "client/sim/stability/scan_limits.h"
 #include "client/sim/tools/gnuplot.h"
@@ -23,7 +24,7 @@ namespace {
 
 struct StabilityOptions {
   JsonOption json;
-  std::filesystem::path out, cases;  // empty: none; the compiled-in ones
+  std::filesystem::path out, cases, device;  // empty: none; the compiled-in ones; the cases
   std::vector<std::string> only_cases, only_models;
   bool long_form = false;
 };
@@ -225,6 +226,16 @@ Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settin
   return {};
 }
 
+int ofDevice(const StabilityOptions& options, const CaseFile& cases) {
+  const auto study = studyDevice(options.device, cases, options.long_form);
+  if (!study.ok()) return failed("stability", study.error());
+  if (!options.json.wanted || !options.json.file.empty()) std::fputs(deviceText(*study).c_str(), stdout);
+  Status status;
+  if (options.json.wanted) status = writeJson(options.json, deviceJson(*study));
+  if (status.ok() && !options.out.empty()) status = drawDevice(*study, options.out);
+  return status.ok() ? kExitDone : failed("stability", status.error());
+}
+
 int stability(const StabilityOptions& options) {
   const auto file = options.cases.empty() ? CaseFile::embedded() : CaseFile::load(options.cases);
   if (!file.ok()) return failed("stability", file.error());
@@ -243,11 +254,13 @@ int stability(const StabilityOptions& options) {
   const std::vector<std::string> names = {
       "stability.dat",       "stability.png",         "stability-holds.csv",  "stability-holds.dat",
       "stability-holds.png", "stiffness_limits.json", "stiffness_limits.csv", "stiffness_limits.png",
-      "stiffness_rest.csv",  "stiffness_rest.png"};
-  if (const Status status =
-          checkFolderOutputs({{"--cases", options.cases}}, {"--out", options.out}, names, options.json);
+      "stiffness_rest.csv",  "stiffness_rest.png",    "device.dat",           "device.png"};
+  if (const Status status = checkFolderOutputs({{"--cases", options.cases}, {"--device", options.device}},
+                                               {"--out", options.out}, names, options.json);
       !status.ok())
     return failed("stability", status.error());
+
+  if (!options.device.empty()) return ofDevice(options, *file);
 
   const ForceSourceFactory engine = engineSource();
   const CaseSettings settings{*file, options.long_form};
@@ -304,6 +317,10 @@ void addStabilityCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--model", options->only_models, "only this axial model; may be given several times")
       ->take_all();
   command->add_option("--cases", options->cases, "a cases.json instead of the compiled-in one");
+  command->add_option(
+      "--device", options->device,
+      "instead of the cases, your own device (a JSON file) in each patient: how often a light "
+      "grip rests, and the stiffest safe scene");
   command->add_flag("--long", options->long_form, "the long form: more hands, more gestures");
   command->callback([options, &chosen] { chosen = [options] { return stability(*options); }; });
 }

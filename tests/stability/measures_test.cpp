@@ -164,6 +164,14 @@ TEST(Grows, tellsASwellingSwingFromAnEvenAndADyingOne) {
   EXPECT_FALSE(grows({}, 0.05));
 }
 
+// a wall that relaxes by 2 N a second while the force swings by ± 0.5 N at 10 Hz: 0.3 s are three periods
+TEST(AboutSlowPart, keepsTheSwingAndNotTheCreep) {
+  auto signal = sine(10, 0.5, 2);
+  for (std::size_t i = 0; i < signal.size(); ++i) signal[i] += 3 - 2e-3 * static_cast<double>(i);
+  const auto swing = aboutSlowPart(signal, 150);
+  EXPECT_NEAR(peakToPeak(std::span(swing).subspan(150, 1700)), 1, 5e-3);
+}
+
 // a swing of 7 Hz that gives 2 mJ a second, after an insertion that took 100 mJ
 TEST(EnergyInASecond, isWhatIsGivenAndNotWhatSwings) {
   std::vector<PlantTick> ticks(6000);

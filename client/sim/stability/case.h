@@ -159,7 +159,8 @@ struct CaseRow {
   /// removed (then grip_energy_J is without it).
   std::optional<double> controlled_energy_J, distortion_N;
   /// The greatest energy given to the hand in any second of the case's window (greatestInASecond_J), if it is
-  /// long enough; and the swing of the force in the last second of a hold.
+  /// long enough; and the swing of the force in the last second of a hold, without its
+  /// creep.
   std::optional<double> second_energy_J, hold_swing_N;
   /// If the case is a neighbourhood: then `measured` is the share that is not stable.
   std::optional<NeighbourCount> neighbours;

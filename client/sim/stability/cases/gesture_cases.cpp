@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -179,6 +180,11 @@ Result<ControlledRuns> controlledRuns(Trial& t, const HandPlan& plan, bool alway
   t.plant.passivity = passivityOf(t.plant);
   if (!t.settings.control.uses_measured_delay)
     t.plant.passivity->delay_ticks = 1, t.plant.passivity->lag_s = 0;
+  if (t.has("told")) {
+    t.plant.passivity->delay_ticks = static_cast<std::uint32_t>(t.whole("told.delay_ticks"));
+    t.plant.passivity->lag_s = t.number("told.lag_s", 0, 0.1);
+    t.plant.passivity->damping_Ns_per_m = t.number("told.damping_ns_per_m", 0, 100);
+  }
   if (t.settings.control.capacity_J) t.plant.passivity->capacity_J = *t.settings.control.capacity_J;
   ASSIGN_OR_RETURN(auto with, t.loop(plan));
   return ControlledRuns{std::move(without), std::move(with)};
@@ -220,6 +226,16 @@ Status withControl(Trial& t) {
   t.judge("energy given to the hand at any moment, with passivity control [J]", runs.with.grip_energy_J,
           limit_J, controlledNote(t.row()));
   return {};
+}
+
+// The swing of the force, about its mean over 0.3 s, in the last second before `to_s` for which there is one.
+double restSwing_N(const PlantRun& run, double to_s) {
+  constexpr double kReach_s = 0.15;  // more than half a period of the slowest swing, 5 Hz
+  const auto around = static_cast<std::size_t>(kReach_s * run.rate_hz);
+  const auto swing =
+      aboutSlowPart(forceAlong(ticksIn(run, {to_s - 1 - 2 * kReach_s, to_s}), kInward_W), around);
+  return swing.size() > 2 * around ? peakToPeak(std::span(swing).subspan(around, swing.size() - 2 * around))
+                                   : 0;
 }
 
 // A late loop as in a station, with the control where passivity is not proven: the case and its neighbours,
@@ -266,7 +282,7 @@ Status lateContact(Trial& t) {
       row = measuredRow(run, hold);
       row.controlled_energy_J = run.grip_energy_J;
       row.distortion_N = greatestDistortion_N(run);
-      row.hold_swing_N = peakToPeakIn(run, {hold.to_s - 1, hold.to_s});
+      row.hold_swing_N = restSwing_N(run, hold.to_s);
       held = heldIn(run, hold);
     };
     if (itself) {

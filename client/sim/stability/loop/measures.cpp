@@ -85,6 +85,16 @@ double rmsOf(std::span<const double> signal) {
   return signal.empty() ? 0 : std::sqrt(sum / static_cast<double>(signal.size()));
 }
 
+std::vector<double> aboutSlowPart(std::span<const double> signal, std::size_t around) {
+  std::vector<double> sum(signal.size() + 1, 0.0), out;
+  for (std::size_t i = 0; i < signal.size(); ++i) sum[i + 1] = sum[i] + signal[i];
+  for (std::size_t i = 0; i < signal.size(); ++i) {
+    const std::size_t reach = std::min({around, i, signal.size() - 1 - i});
+    out.push_back(signal[i] - (sum[i + reach + 1] - sum[i - reach]) / static_cast<double>(2 * reach + 1));
+  }
+  return out;
+}
+
 std::vector<double> bandPassed(std::span<const double> signal, double rate_hz, const BandFilter& band) {
   std::vector<Section> sections;
   for (int i = 0; i < band.order / 2; ++i) {

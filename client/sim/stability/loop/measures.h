@@ -24,6 +24,9 @@ std::vector<double> forceAlong(std::span<const PlantTick> ticks, Vec3 direction)
 /// Maximum minus minimum; 0 if empty.
 double peakToPeak(std::span<const double> signal);
 double rmsOf(std::span<const double> signal);  ///< 0 if empty
+/// Each value minus the mean of the `around` values before and after it, fewer at the ends: a swing without
+/// the creep of a relaxing wall.
+std::vector<double> aboutSlowPart(std::span<const double> signal, std::size_t around);
 
 /// A Butterworth band: high-pass at `low_hz` and, if below half the rate, low-pass at `high_hz`, each of
 /// `order` (2, 4, 6 or 8; bilinear transform, prewarped corner frequencies).

@@ -132,5 +132,49 @@ TEST(StabilityCommand, thePictureHasTheMostTroubledCaseOnTop) {
   EXPECT_THAT(text, testing::Not(HasSubstr("quaternion_sign")));
 }
 
+std::string deviceFile(const char* name) {
+  return std::string(NEEDLELAB_SOURCE_DIR) + "/tests/stability/devices/" + name + ".json";
+}
+
+// A device that is told more damping and renders earlier holds stiffer scenes; and each patient has a cell.
+TEST(StabilityCommand, anOwnDeviceIsJudgedInEachPatient) {
+  const test::TempFolder folder;
+  auto few = CaseFile::embedded().value().json();
+  few["cases"]["late_rest"]["neighbours"] = {{"count", 2}, {"spread", 0.1}, {"least_stable", 1}, {"seed", 1}};
+  const auto cases = folder.write("cases.json", few.dump()).string();
+  double safe_N_per_m[2] = {};
+  for (const int i : {0, 1}) {
+    const Outcome run = sim(
+        {"stability", "--cases", cases, "--device", deviceFile(i == 0 ? "falcon" : "virtuose"), "--json"});
+    ASSERT_EQ(run.code, 0) << run.err;
+    std::size_t patients = 0;
+    const json whole = json::parse(run.out);
+    for (const json& row : whole.at("rows")) {
+      EXPECT_EQ(row.at("neighbours"), 2);
+      if (row.at("scene") != "one_layer")
+        ++patients;
+      else if (row.at("passed") == true)
+        safe_N_per_m[i] = row.at("at_once_n_per_m");
+    }
+    EXPECT_GE(patients, 10u);
+  }
+  EXPECT_GT(safe_N_per_m[0], 200);
+  EXPECT_GT(safe_N_per_m[1], 1.25 * safe_N_per_m[0]);
+}
+
+TEST(StabilityCommand, whatIsWrongWithADeviceIsNamed) {
+  const test::TempFolder folder;
+  auto device = jsonFrom(deviceFile("falcon"));
+  device["told"].erase("lag_s");
+  const Outcome untold = sim({"stability", "--device", folder.write("a.json", device.dump()).string()});
+  EXPECT_EQ(untold.code, 2);
+  EXPECT_THAT(untold.err, HasSubstr("a.json: told.lag_s: must be a number"));
+  device = jsonFrom(deviceFile("falcon"));
+  device["mass"] = 1;
+  const Outcome unknown = sim({"stability", "--device", folder.write("b.json", device.dump()).string()});
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("b.json: cases.late_rest.plant.mass: unknown"));
+}
+
 }  // namespace
 }  // namespace needlelab
