@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "client/sim/command.h"
+#include "client/sim/device_study.h"
 #include "client/sim/stability/case.h"
 #include "client/sim/stability/scan_limits.h"
 #include "client/sim/tools/gnuplot.h"
@@ -23,7 +24,7 @@ namespace {
 
 struct StabilityOptions {
   JsonOption json;
-  std::filesystem::path out, cases;  // empty: none; the compiled-in ones
+  std::filesystem::path out, cases, device;  // empty: none; the compiled-in ones; the cases
   std::vector<std::string> only_cases, only_models;
   bool long_form = false;
 };
@@ -70,35 +71,68 @@ class Progress {
 
 // ---- pictures
 
-// Index into the colours of stability.gp: 0 not applicable, 1 stable, 2 chatters, 3 diverges.
-double lookOf(const CaseRow* row) {
-  if (row == nullptr || !row->applicable) return 0;
-  return row->verdict == Verdict::kStable ? 1 : row->verdict == Verdict::kChatters ? 2 : 3;
+// A cell's text: its number; * where a second condition, given in the row's note, fails.
+std::string cellText(const CaseRow& row) {
+  if (row.neighbours) return neighboursText(*row.neighbours);
+  const bool other = !row.passed && row.measured && row.limit && *row.measured <= *row.limit;
+  return shortNumber(row.measured) + (other ? " *" : "");
 }
 
-// Cases × models; each cell shows its verdict and measured value.
+// A case's line of the picture.
+struct CaseLine {
+  std::string title, limit;
+  std::vector<const CaseRow*> cells;  // by model; null where it does not apply
+  int trouble = 0;                    // models that chatter, and twice those that diverge
+  bool all_equal = true;              // every cell says the same
+};
+
+// The most troubled case first.
+std::vector<CaseLine> linesOf(const std::vector<CaseRow>& rows) {
+  std::vector<CaseLine> lines;
+  for (const std::string& name : caseNames(rows)) {
+    CaseLine& line = lines.emplace_back();
+    const CaseRow* first = nullptr;
+    for (const AxialModel model : modelsOf(rows)) {
+      const CaseRow* row = rowOf(rows, name, model);
+      if (row != nullptr) line.title = row->title;
+      if (row == nullptr || !row->applicable) row = nullptr;
+      line.cells.push_back(row);
+      if (row == nullptr) continue;
+      if (first == nullptr) {
+        first = row;
+        line.limit = fmt::format("{} {} {}{}", row->quantity, row->neighbours ? "≥" : "≤", limitText(*row),
+                                 row->controlled_energy_J ? " · with control" : "");
+      }
+      line.trouble += row->verdict == Verdict::kDiverges ? 2 : row->verdict == Verdict::kChatters ? 1 : 0;
+      line.all_equal = line.all_equal && row->verdict == first->verdict && cellText(*row) == cellText(*first);
+    }
+  }
+  std::stable_sort(lines.begin(), lines.end(),
+                   [](const CaseLine& a, const CaseLine& b) { return a.trouble > b.trouble; });
+  return lines;
+}
+
+// Index into the colours of stability.gp: 0 not applicable, 1 stable, 2 chatters, 3 diverges, 4 stable like
+// all others.
+double lookOf(const CaseLine& line, const CaseRow* row) {
+  if (row == nullptr) return 0;
+  if (row->verdict == Verdict::kStable) return line.all_equal ? 4 : 1;
+  return row->verdict == Verdict::kChatters ? 2 : 3;
+}
+
+// Cases × models, by trouble; each cell shows its verdict and measured value.
 Status drawOverview(const std::vector<CaseRow>& rows, const std::filesystem::path& out) {
-  const auto names = caseNames(rows);
+  const auto lines = linesOf(rows);
   const auto models = modelsOf(rows);
   PlotBlocks data;
-  std::vector<std::string> limits;
-  for (std::size_t y = 0; y < names.size(); ++y) {
-    std::string limit = " ≤ ";
+  for (std::size_t y = 0; y < lines.size(); ++y)
     for (std::size_t x = 0; x < models.size(); ++x) {
-      const CaseRow* row = rowOf(rows, names[y], models[x]);
-      std::string text;
-      if (row != nullptr && row->applicable) {
-        // a row may have a second condition, given in its note
-        const bool other = !row->passed && row->measured && row->limit && *row->measured <= *row->limit;
-        text = shortNumber(row->measured) + (other ? " *" : "");
-        if (limit == " ≤ ") limit = fmt::format("{} ≤ {}", row->quantity, shortNumber(row->limit));
-      }
-      data.row("cells", {static_cast<double>(x), static_cast<double>(y), lookOf(row)}, {text});
+      const CaseRow* row = lines[y].cells[x];
+      data.row("cells", {static_cast<double>(x), static_cast<double>(y), lookOf(lines[y], row)},
+               {row != nullptr ? cellText(*row) : ""});
     }
-    limits.push_back(limit);
-  }
-  for (std::size_t y = 0; y < names.size(); ++y)
-    data.row("cases", {static_cast<double>(y)}, {names[y], limits[y]});
+  for (std::size_t y = 0; y < lines.size(); ++y)
+    data.row("cases", {static_cast<double>(y)}, {lines[y].title, lines[y].limit});
   for (std::size_t x = 0; x < models.size(); ++x)
     data.row("models", {static_cast<double>(x), models[x] == AxialModel::kEnhancedTrackingWall ? 1.0 : 0.0},
              {shortName(models[x])});
@@ -192,6 +226,16 @@ Status draw(const std::vector<CaseOutcome>& outcomes, const CaseSettings& settin
   return {};
 }
 
+int ofDevice(const StabilityOptions& options, const CaseFile& cases) {
+  const auto study = studyDevice(options.device, cases, options.long_form);
+  if (!study.ok()) return failed("stability", study.error());
+  if (!options.json.wanted || !options.json.file.empty()) std::fputs(deviceText(*study).c_str(), stdout);
+  Status status;
+  if (options.json.wanted) status = writeJson(options.json, deviceJson(*study));
+  if (status.ok() && !options.out.empty()) status = drawDevice(*study, options.out);
+  return status.ok() ? kExitDone : failed("stability", status.error());
+}
+
 int stability(const StabilityOptions& options) {
   const auto file = options.cases.empty() ? CaseFile::embedded() : CaseFile::load(options.cases);
   if (!file.ok()) return failed("stability", file.error());
@@ -210,11 +254,13 @@ int stability(const StabilityOptions& options) {
   const std::vector<std::string> names = {
       "stability.dat",       "stability.png",         "stability-holds.csv",  "stability-holds.dat",
       "stability-holds.png", "stiffness_limits.json", "stiffness_limits.csv", "stiffness_limits.png",
-      "stiffness_rest.csv",  "stiffness_rest.png"};
-  if (const Status status =
-          checkFolderOutputs({{"--cases", options.cases}}, {"--out", options.out}, names, options.json);
+      "stiffness_rest.csv",  "stiffness_rest.png",    "device.dat",           "device.png"};
+  if (const Status status = checkFolderOutputs({{"--cases", options.cases}, {"--device", options.device}},
+                                               {"--out", options.out}, names, options.json);
       !status.ok())
     return failed("stability", status.error());
+
+  if (!options.device.empty()) return ofDevice(options, *file);
 
   const ForceSourceFactory engine = engineSource();
   const CaseSettings settings{*file, options.long_form};
@@ -271,6 +317,10 @@ void addStabilityCommand(CLI::App& app, SimCommand& chosen) {
   command->add_option("--model", options->only_models, "only this axial model; may be given several times")
       ->take_all();
   command->add_option("--cases", options->cases, "a cases.json instead of the compiled-in one");
+  command->add_option(
+      "--device", options->device,
+      "instead of the cases, your own device (a JSON file) in each patient: how often a light "
+      "grip rests, and the stiffest safe scene");
   command->add_flag("--long", options->long_form, "the long form: more hands, more gestures");
   command->callback([options, &chosen] { chosen = [options] { return stability(*options); }; });
 }

@@ -45,8 +45,9 @@ TEST(CaseFile, whatIsWrongIsNamed) {
             "my.json: cases.hold_quantised.limit: -1 is out of range [0, 1e+09]");
   EXPECT_EQ(faultOf(R"({"cases": {"hold_quantised": {"limit": "much"}}})"),
             "my.json: cases.hold_quantised.limit: must be a number");
-  EXPECT_EQ(faultOf(R"({"cases": {"hold_quantised": {"scene": "moon"}}})"),
-            "my.json: cases.hold_quantised.scene: there is no scene 'moon' in this file");
+  EXPECT_EQ(
+      faultOf(R"({"cases": {"hold_quantised": {"scene": "moon"}}})"),
+      "my.json: cases.hold_quantised.scene: there is no scene 'moon' in this file, and no such patient in db/samples");
   EXPECT_EQ(faultOf(R"({"cases": {"hold_quantised": {"window": {"step": "rest"}}}})"),
             "my.json: cases.hold_quantised.window.step: the path has no step 'rest'");
   EXPECT_EQ(faultOf(R"({"cases": {"hold_quantised": {"plant": {"gravity": 9.81}}}})"),

@@ -164,5 +164,25 @@ TEST(Grows, tellsASwellingSwingFromAnEvenAndADyingOne) {
   EXPECT_FALSE(grows({}, 0.05));
 }
 
+// a wall that relaxes by 2 N a second while the force swings by ± 0.5 N at 10 Hz: 0.3 s are three periods
+TEST(AboutSlowPart, keepsTheSwingAndNotTheCreep) {
+  auto signal = sine(10, 0.5, 2);
+  for (std::size_t i = 0; i < signal.size(); ++i) signal[i] += 3 - 2e-3 * static_cast<double>(i);
+  const auto swing = aboutSlowPart(signal, 150);
+  EXPECT_NEAR(peakToPeak(std::span(swing).subspan(150, 1700)), 1, 5e-3);
+}
+
+// a swing of 7 Hz that gives 2 mJ a second, after an insertion that took 100 mJ
+TEST(EnergyInASecond, isWhatIsGivenAndNotWhatSwings) {
+  std::vector<PlantTick> ticks(6000);
+  for (std::size_t k = 0; k < ticks.size(); ++k) {
+    const double t = static_cast<double>(k) / kRate;
+    ticks[k].grip_J = t < 1 ? -0.1 * t : -0.1 + 2e-3 * (t - 1) + 0.01 * std::sin(14 * std::numbers::pi * t);
+  }
+  EXPECT_NEAR(greatestInASecond_J(std::span(ticks).subspan(1000), kRate).value_or(0), 2e-3, 1e-6);
+  EXPECT_EQ(greatestInASecond_J(std::span(ticks).first(1000), kRate), std::nullopt);
+  EXPECT_EQ(greatestInASecond_J(std::span(ticks).first(2000), kRate), 0) << "the hand pays";
+}
+
 }  // namespace
 }  // namespace needlelab

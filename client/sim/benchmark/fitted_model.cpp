@@ -12,16 +12,16 @@
 #include "client/sim/benchmark/formula.h"
 #include "client/sim/curves/force_band.h"
 #include "client/sim/stability/gestures/passivity_observer.h"
+#include "client/sim/tools/small_sample.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 namespace {
 
-constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
-constexpr double kFitStep_m = 3e-5;               // per tick, an eighth of a bin
-constexpr double kMaxFitTicks = 3000;             // per insertion: deeper ones use longer steps
-constexpr double kFitRate_hz = 100;               // for models that ignore speed
+constexpr double kFitStep_m = 3e-5;    // per tick, an eighth of a bin
+constexpr double kMaxFitTicks = 3000;  // per insertion: deeper ones use longer steps
+constexpr double kFitRate_hz = 100;    // for models that ignore speed
 constexpr int kStatisticalInsertions = 20;
 
 using Forces = std::vector<double>;

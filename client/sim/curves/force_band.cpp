@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/sim/tools/small_sample.h"
+
 namespace needlelab {
 namespace {
 
-constexpr double kNormal975 = 1.959963984540054;  // quantile of the unit normal at 0.975
 struct LogNormal {
   double mu = 0, sigma = 0;
 };
@@ -33,11 +34,9 @@ BandVerdict bandVerdict(double share, std::size_t independent) {
     verdict.text = "cannot tell: no data";
     return verdict;
   }
-  const auto n = static_cast<double>(independent);
-  const double z2 = kNormal975 * kNormal975, middle = (share + z2 / (2 * n)) / (1 + z2 / n);
-  const double half = kNormal975 / (1 + z2 / n) * std::sqrt(share * (1 - share) / n + z2 / (4 * n * n));
-  verdict.low = std::max(0.0, middle - half);
-  verdict.high = std::min(1.0, middle + half);
+  const ShareInterval interval = wilsonInterval(share, independent);
+  verdict.low = interval.low;
+  verdict.high = interval.high;
   const char* found = verdict.high < kAsked  ? "MISSED: too narrow"
                       : verdict.low > kAsked ? "MISSED: too wide"
                       : independent < kLeast ? "cannot tell"

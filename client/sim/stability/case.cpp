@@ -53,7 +53,9 @@ Result<CaseOutcome> runCase(const StabilityCase& hard_case, const CaseSettings& 
     if (trial.row().limit) trial.require(true);
     outcome = std::move(trial.outcome);
   }
+  CaseEntry entry(settings.file, hard_case.name);
   outcome.row.case_name = hard_case.name;
+  outcome.row.title = entry.has("title") ? entry.text("title") : hard_case.name;
   outcome.row.model = model;
   return outcome;
 }
@@ -176,6 +178,7 @@ CaseRow measuredRow(const PlantRun& run, TimeWindow window) {
   row.max_force_N = maxForce_N(run);
   row.max_unexplained_step_N = maxUnexplainedStep_N(run);
   row.chatter_N = chatterOf(run, kInward_W, window);
+  row.second_energy_J = greatestInASecond_J(ticksIn(run, window), run.rate_hz);
   row.energy_J = run.ticks.empty() ? 0 : run.ticks.back().energy_J;
   row.coupled_margin = finiteOf(run.margins.coupled);
   row.passive_margin = finiteOf(run.margins.passive);
@@ -196,7 +199,8 @@ void worsen(CaseRow& row, const CaseRow& other) {
   row.finite = row.finite && other.finite;
   for (std::optional<double> CaseRow::*number :
        {&CaseRow::max_force_N, &CaseRow::max_unexplained_step_N, &CaseRow::chatter_N, &CaseRow::energy_J,
-        &CaseRow::grip_energy_J, &CaseRow::controlled_energy_J, &CaseRow::distortion_N})
+        &CaseRow::grip_energy_J, &CaseRow::controlled_energy_J, &CaseRow::distortion_N,
+        &CaseRow::second_energy_J, &CaseRow::hold_swing_N})
     if (other.*number) row.*number = std::max((row.*number).value_or(*(other.*number)), *(other.*number));
   for (std::optional<double> CaseRow::*margin : {&CaseRow::coupled_margin, &CaseRow::passive_margin})
     if (other.*margin) row.*margin = std::min((row.*margin).value_or(*(other.*margin)), *(other.*margin));

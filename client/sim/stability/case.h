@@ -130,9 +130,19 @@ enum class Verdict {
 /// "stable", "chatters", "diverges"; "" where not applicable.
 std::string_view verdictText(Verdict verdict);
 
+/// How many of a case's neighbours, itself included, are stable.
+struct NeighbourCount {
+  std::size_t stable = 0, all = 0;
+  [[nodiscard]] double share() const {
+    return all > 0 ? static_cast<double>(stable) / static_cast<double>(all) : 0;
+  }
+};
+/// "47 % 30-64": the share that is stable, with its 95 % interval (wilsonInterval).
+std::string neighboursText(const NeighbourCount& count);
+
 /// One row of `needlelab-sim stability`. Empty numbers are null in JSON.
 struct CaseRow {
-  std::string case_name;
+  std::string case_name, title;  ///< as in cases.json; the title is for people
   AxialModel model = AxialModel::kEnhancedTrackingWall;
   bool applicable = false;
   bool finite = false;
@@ -148,6 +158,12 @@ struct CaseRow {
   /// If the case tests it: the same energy with the passivity control, and the largest force that the control
   /// removed (then grip_energy_J is without it).
   std::optional<double> controlled_energy_J, distortion_N;
+  /// The greatest energy given to the hand in any second of the case's window (greatestInASecond_J), if it is
+  /// long enough; and the swing of the force in the last second of a hold, without its
+  /// creep.
+  std::optional<double> second_energy_J, hold_swing_N;
+  /// If the case is a neighbourhood: then `measured` is the share that is not stable.
+  std::optional<NeighbourCount> neighbours;
   std::optional<double> measured;  ///< the judged value, in the unit of `quantity`
   std::optional<double> limit;
   std::string quantity;  ///< e.g. "peak-to-peak in the hold [N]"
@@ -174,9 +190,10 @@ using WrenchLimiterFactory = std::function<WrenchLimiter(double rate_hz)>;
 
 /// What a test disables to see a case fail; by default nothing.
 struct CaseControl {
-  bool gate = true;                 ///< bad samples meet the gate
-  bool uses_measured_delay = true;  ///< false: the passivity control assumes one tick of delay and no lag
-  WrenchLimiterFactory limiter;     ///< replaces the gate where a hand leans on a tool; empty: the gate
+  bool gate = true;                  ///< bad samples meet the gate
+  bool uses_measured_delay = true;   ///< false: the passivity control assumes one tick of delay and no lag
+  std::optional<double> capacity_J;  ///< of the passivity control's tank; empty: the shipped one
+  WrenchLimiterFactory limiter;      ///< replaces the gate where a hand leans on a tool; empty: the gate
 };
 
 struct CaseSettings {
@@ -294,8 +311,8 @@ PassivityRecord observed(const MotionRun& run);
 /// if steps were not measured.
 std::optional<bool> stepIsNoticeable(const CaseRow& row);
 
-/// finite, max force, unexplained step, chatter over the window, energy given to the hand over the whole run,
-/// margins, and energy at the grip.
+/// finite, max force, unexplained step, chatter and the energy in a second over the window, energy given to
+/// the hand over the whole run, margins, and energy at the grip.
 CaseRow measuredRow(const PlantRun& run, TimeWindow window);
 /// finite, max force, unexplained step and the judged energy.
 CaseRow rowOf(const PassivityRecord& record);
@@ -311,12 +328,14 @@ CaseTrace traceOf(const PlantRun& run, TimeWindow window);
 nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows);
 
 /// One line per case, one column per model: the measured value, marked if it chatters (~) or diverges (!);
-/// below it the notes, the margins of closed loops, and force steps that a hand may notice. `rows`: case by
-/// case, each with the same models.
+/// of a neighbourhood its share; below it the notes, the margins of closed loops, and force steps that a hand
+/// may notice. `rows`: case by case, each with the same models.
 std::string rowsText(const std::vector<CaseRow>& rows);
 
 /// Short names of models for column heads: "wall", "wall 2018", "direct", …
 std::string_view shortName(AxialModel model);
+/// What a row's measured value is held against: the limit, or the least share of a neighbourhood, "90 %".
+std::string limitText(const CaseRow& row);
 /// A number with three significant digits; "0" below 1e-9, "-" if missing.
 std::string shortNumber(std::optional<double> value);
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "client/sim/stability/gestures/passivity_gesture.h"
 #include "client/sim/stability/loop/measures.h"
 #include "client/sim/stability/loop/plant.h"
+#include "common/base/program.h"
 #include "common/base/result.h"
 #include "common/haptics/scene_spec.h"
 
@@ -34,6 +36,9 @@ class CaseFile {
   nlohmann::json json_;
   std::string source_;
 };
+
+/// The profiles in db/samples that have layers, compiled in: NAME.json. A case's scene may be one of them.
+std::span<const EmbeddedFile> samplePatients();
 
 /// Into the tissue, in W: the direction of the paths in cases.json.
 inline constexpr Vec3 kInward_W{0, 0, -1};
@@ -57,6 +62,7 @@ struct PathChange {
   double depth_offset_m = 0;  ///< added to every `to_depth_m` above 0
   double speed_factor = 1;    ///< of the steps named `speed_step`; if that is empty, of all steps
   std::string speed_step = {};
+  double depth_factor = 1;  ///< of every `to_depth_m` above 0, before `depth_offset_m`
 };
 
 /// Reads one case's entry; "like" takes another case's entry, overridden by this one's fields (RFC 7386).
@@ -79,7 +85,8 @@ class CaseEntry {
   /// Interpolates `{"low": a, "high": b}` at `s` (0-1).
   double between(const std::string& field, double s);
 
-  /// The scene named by "scene", changed by the entry's "scene_patch" (RFC 7386) if present.
+  /// The scene or sample patient named by "scene", changed by the entry's "scene_patch" (RFC 7386) if
+  /// present.
   SceneSpec scene();
   /// The file's "plant", overridden by the entry's "plant".
   PlantOptions plant();

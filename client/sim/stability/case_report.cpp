@@ -7,6 +7,7 @@
 
 #include "client/sim/stability/case.h"
 #include "client/sim/tools/hand_thresholds.h"
+#include "client/sim/tools/small_sample.h"
 #include "common/base/text/text.h"
 #include "common/haptics/axial_entry.h"
 
@@ -33,11 +34,14 @@ namespace {
 
 constexpr double kShownAsZero = 1e-9;  // rounding errors, in any unit of a row
 constexpr AxialModel kWall = AxialModel::kEnhancedTrackingWall;
-constexpr std::size_t kName = 24, kColumn = 13;
+constexpr std::size_t kName = 24, kColumn = 15;
 
 template <typename T>
 nlohmann::ordered_json orNull(const std::optional<T>& value) {
   return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+}
+nlohmann::ordered_json countOf(const CaseRow& row, std::size_t NeighbourCount::*which) {
+  return row.neighbours ? nlohmann::ordered_json((*row.neighbours).*which) : nlohmann::ordered_json(nullptr);
 }
 template <typename T>
 nlohmann::ordered_json ifJudged(const CaseRow& row, const T& value) {
@@ -53,7 +57,7 @@ std::string cell(const CaseRow* row) {
   const char* mark = row->verdict == Verdict::kChatters   ? " ~"
                      : row->verdict == Verdict::kDiverges ? " !"
                                                           : "";
-  return shortNumber(row->measured) + mark;
+  return (row->neighbours ? neighboursText(*row->neighbours) : shortNumber(row->measured)) + mark;
 }
 
 // The wall's notes, another model's notes if the wall has none, and the reasons of failures.
@@ -112,6 +116,16 @@ std::string shortNumber(std::optional<double> value) {
   if (!value) return "-";
   if (std::abs(*value) < kShownAsZero) return "0";
   return fmt::format("{:.3g}", *value);
+}
+
+std::string neighboursText(const NeighbourCount& count) {
+  const ShareInterval interval = wilsonInterval(count.share(), count.all);
+  return fmt::format("{:.0f} % {:.0f}-{:.0f}", 100 * count.share(), 100 * interval.low, 100 * interval.high);
+}
+
+std::string limitText(const CaseRow& row) {
+  return row.neighbours && row.limit ? fmt::format("{:.0f} %", 100 * (1 - *row.limit))
+                                     : shortNumber(row.limit);
 }
 
 std::vector<std::string> caseNames(const std::vector<CaseRow>& rows) {
@@ -183,6 +197,10 @@ nlohmann::ordered_json rowsJson(const std::vector<CaseRow>& rows) {
                     {"grip_energy_j", orNull(row.grip_energy_J)},
                     {"controlled_energy_j", orNull(row.controlled_energy_J)},
                     {"distortion_n", orNull(row.distortion_N)},
+                    {"second_energy_j", orNull(row.second_energy_J)},
+                    {"hold_swing_n", orNull(row.hold_swing_N)},
+                    {"neighbours", countOf(row, &NeighbourCount::all)},
+                    {"neighbours_stable", countOf(row, &NeighbourCount::stable)},
                     {"measured", orNull(row.measured)},
                     {"limit", orNull(row.limit)},
                     {"passed", ifJudged(row, row.passed)},
@@ -198,16 +216,15 @@ std::string rowsText(const std::vector<CaseRow>& rows) {
   for (const AxialModel model : models) text += column(std::string(shortName(model)), kColumn);
   text += "measured\n";
   for (const std::string& name : caseNames(rows)) {
-    std::optional<double> limit;
-    std::string line, quantity;
+    std::string limit = "-", line, quantity;
     for (const AxialModel model : models) {
       const CaseRow* row = rowOf(rows, name, model);
       line += column(cell(row), kColumn);
       if (row == nullptr || !row->applicable) continue;
-      if (!limit) limit = row->limit;
+      if (limit == "-") limit = limitText(*row);
       if (quantity.empty()) quantity = row->quantity;
     }
-    text += column(name, kName) + column(shortNumber(limit), kColumn) + line + quantity + "\n";
+    text += column(name, kName) + column(limit, kColumn) + line + quantity + "\n";
   }
   text +=
       "no mark: stable; ~ chatters: bounded, but over the limit (or its second condition, see below); ! "

@@ -60,6 +60,14 @@ MeanInterval meanInterval(std::span<const double> values) {
   return interval;
 }
 
+ShareInterval wilsonInterval(double share, std::size_t count) {
+  if (count == 0) return {};
+  const auto n = static_cast<double>(count);
+  const double z2 = kNormal975 * kNormal975, middle = (share + z2 / (2 * n)) / (1 + z2 / n);
+  const double half = kNormal975 / (1 + z2 / n) * std::sqrt(share * (1 - share) / n + z2 / (4 * n * n));
+  return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
+}
+
 std::vector<double> holmCorrected(std::span<const double> p) {
   std::vector<std::size_t> order(p.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -1,4 +1,5 @@
-/// Statistics for few independent values: intervals of a mean, and tests corrected for their number.
+/// Statistics for few independent values: intervals of a mean and of a share, and tests corrected for their
+/// number.
 #pragma once
 
 #include <cstddef>
@@ -20,6 +21,15 @@ struct MeanInterval {
   std::size_t count = 0;
 };
 MeanInterval meanInterval(std::span<const double> values);
+
+inline constexpr double kNormal975 = 1.959963984540054;  ///< quantile of the unit normal at 0.975
+
+/// Wilson's 95 % interval (1927) of a probability of which `share` of `count` trials were hits; 0 to 1
+/// without trials.
+struct ShareInterval {
+  double low = 0, high = 1;
+};
+ShareInterval wilsonInterval(double share, std::size_t count);
 
 /// The p values of several tests, corrected by Holm's method (1979), in the given order: each at least its
 /// own p, at most 1. The chance that any test whose groups do not differ reaches α is at most α, however the

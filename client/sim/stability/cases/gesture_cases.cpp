@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -18,16 +20,6 @@
 
 namespace needlelab {
 namespace {
-
-// Net energy delivered at the hand's grip: the device's rendered work, minus the losses in its own damping
-// and the final kinetic energy of its mass.
-double energyAtGrip_J(const PlantRun& run, const SimulatedDeviceOptions& device) {
-  double damped_J = 0;
-  for (const PlantTick& tick : run.ticks)
-    damped_J += device.limits.damping_Ns_per_m * normSquared(tick.v_W_mps) / run.rate_hz;
-  const PlantTick& last = run.ticks.back();
-  return last.energy_J - damped_J - 0.5 * device.limits.apparent_mass_kg * normSquared(last.v_W_mps);
-}
 
 // The gate fades the force in over the first 200 ms (§3.7). A spring pressed during that time returns more
 // than it took, so gestures start after the fade-in.
@@ -91,7 +83,7 @@ Result<WithHand> withHands(Gestures& g, std::uint64_t first_seed, std::uint64_t 
                                                     plant.device.limits, plant.device.X_HT));
     }
     ASSIGN_OR_RETURN(const auto run, g.of.loop(restedPlan(gesture)));
-    worst.grip_J = std::max(worst.grip_J, energyAtGrip_J(run, plant.device));
+    worst.grip_J = std::max(worst.grip_J, run.ticks.back().grip_J);
     PassivityObserver observer(run.axial_stiffness_N_per_m);
     for (const PlantTick& tick : run.ticks)
       if (tick.stepped) observer.add(tick.seen, tick.report, tick.slant);
@@ -188,6 +180,12 @@ Result<ControlledRuns> controlledRuns(Trial& t, const HandPlan& plan, bool alway
   t.plant.passivity = passivityOf(t.plant);
   if (!t.settings.control.uses_measured_delay)
     t.plant.passivity->delay_ticks = 1, t.plant.passivity->lag_s = 0;
+  if (t.has("told")) {
+    t.plant.passivity->delay_ticks = static_cast<std::uint32_t>(t.whole("told.delay_ticks"));
+    t.plant.passivity->lag_s = t.number("told.lag_s", 0, 0.1);
+    t.plant.passivity->damping_Ns_per_m = t.number("told.damping_ns_per_m", 0, 100);
+  }
+  if (t.settings.control.capacity_J) t.plant.passivity->capacity_J = *t.settings.control.capacity_J;
   ASSIGN_OR_RETURN(auto with, t.loop(plan));
   return ControlledRuns{std::move(without), std::move(with)};
 }
@@ -211,36 +209,108 @@ bool isDerated(const PlantTick& tick) {
   return (tick.gate_flags & kGateThermalLimited) != 0;
 }
 
-// Runs the path with the control, `always` or only where passivity is not proven, as in a station. The hand
-// lets go in the window "free" and changes its grip in the window "grip_changes", if present; a case with a
-// window "loaded" is about a load that the gate derates.
-Status controlledPath(Trial& t, bool always) {
+// Runs the path with the control. The hand lets go in the window "free", if present; a case with a window
+// "loaded" is about a load that the gate derates.
+Status withControl(Trial& t) {
   const TimedPlan path = t.path();
-  HandOptions& hand = t.plant.device.hand;
-  if (t.has("free")) hand.release_s = t.window(path, "free").from_s;
-  if (t.has("grip_changes")) {
-    hand.grip_changes_s = t.window(path, "grip_changes").from_s;
-    hand.grip_share = t.number("grip_changes.share", 0, 100);
-  }
+  if (t.has("free")) t.plant.device.hand.release_s = t.window(path, "free").from_s;
   const double limit_J = t.number("limit", 0);
   RETURN_IF_ERROR(t.status());
-  ASSIGN_OR_RETURN(const auto runs, controlledRuns(t, path.plan, always));
+  ASSIGN_OR_RETURN(const auto runs, controlledRuns(t, path.plan, true));
   if (t.has("loaded")) {
     const auto loaded = ticksIn(runs.with, t.window(path, "loaded"));
     if (std::none_of(loaded.begin(), loaded.end(), isDerated))
       return t.notApplicable("never above the continuous limit for long enough");
   }
   t.row() = controlledRow(runs);
-  t.judge(always ? "energy given to the hand at any moment, with passivity control [J]"
-                 : "energy given to the hand at any moment [J]",
-          runs.with.grip_energy_J, limit_J, controlledNote(t.row()));
+  t.judge("energy given to the hand at any moment, with passivity control [J]", runs.with.grip_energy_J,
+          limit_J, controlledNote(t.row()));
   return {};
 }
-Status withControl(Trial& t) {
-  return controlledPath(t, true);
+
+// The swing of the force, about its mean over 0.3 s, in the last second before `to_s` for which there is one.
+double restSwing_N(const PlantRun& run, double to_s) {
+  constexpr double kReach_s = 0.15;  // more than half a period of the slowest swing, 5 Hz
+  const auto around = static_cast<std::size_t>(kReach_s * run.rate_hz);
+  const auto swing =
+      aboutSlowPart(forceAlong(ticksIn(run, {to_s - 1 - 2 * kReach_s, to_s}), kInward_W), around);
+  return swing.size() > 2 * around ? peakToPeak(std::span(swing).subspan(around, swing.size() - 2 * around))
+                                   : 0;
 }
+
+// A late loop as in a station, with the control where passivity is not proven: the case and its neighbours,
+// whose grip, mass, speed and depth lie within the spread about the case's. One is stable if the hand gets no
+// more than the limits, since the start and in any second of the hold, and the force is still in the hold's
+// last second. The hand changes its grip in the window "grip_changes", if present. The row has the worst of
+// all, but without the control the case alone.
 Status lateContact(Trial& t) {
-  return controlledPath(t, false);
+  const std::uint64_t all = Gestures::ofModel(t, "neighbours.count");
+  const double spread = t.number("neighbours.spread", 0, 0.5),
+               least = t.number("neighbours.least_stable", 0, 1), limit_J = t.number("limit", 0),
+               second_limit_J = t.number("second_limit_j", 0), hold_limit_N = t.number("hold_limit_n", 0);
+  HandRandom random(t.whole("neighbours.seed"));
+  const auto near = [&] { return 1 + spread * (2 * random.uniform() - 1); };
+  const PlantOptions own = t.plant;
+  std::optional<PassivitySettings> control;
+  NeighbourCount count;
+  std::size_t giving = 0, swinging = 0;
+  std::string of_itself;
+  for (; count.all < all; ++count.all) {
+    const bool itself = count.all == 0;
+    t.plant = own;
+    t.plant.passivity = control;
+    HandOptions& hand = t.plant.device.hand;
+    PathChange change;
+    if (!itself) {
+      const double grip = near();
+      hand.stiffness_N_per_m *= grip;
+      hand.damping_Ns_per_m *= grip;
+      t.plant.device.limits.apparent_mass_kg *= near();
+      change.speed_factor = near();
+      change.depth_factor = near();
+    }
+    const TimedPlan path = t.path("path", change);
+    const TimeWindow hold = t.window(path, "hold");
+    if (t.has("grip_changes")) {
+      hand.grip_changes_s = t.window(path, "grip_changes").from_s;
+      hand.grip_share = t.number("grip_changes.share", 0, 100);
+    }
+    RETURN_IF_ERROR(t.status());
+    CaseRow row;
+    bool held = false;
+    const auto judged = [&](const PlantRun& run) {
+      row = measuredRow(run, hold);
+      row.controlled_energy_J = run.grip_energy_J;
+      row.distortion_N = greatestDistortion_N(run);
+      row.hold_swing_N = restSwing_N(run, hold.to_s);
+      held = heldIn(run, hold);
+    };
+    if (itself) {
+      ASSIGN_OR_RETURN(const auto runs, controlledRuns(t, path.plan, false));
+      control = t.plant.passivity;
+      judged(runs.with);
+      row.grip_energy_J = runs.without.grip_energy_J;
+      of_itself = controlledNote(row);
+    } else {
+      ASSIGN_OR_RETURN(const auto run, t.loop(path.plan));
+      judged(run);
+      row.grip_energy_J.reset();
+    }
+    const bool gives = *row.controlled_energy_J > limit_J || row.second_energy_J.value_or(0) > second_limit_J;
+    const bool swings = !row.finite || held || !(*row.hold_swing_N <= hold_limit_N);
+    giving += gives;
+    swinging += swings;
+    count.stable += !gives && !swings;
+    worsen(t.row(), row);
+  }
+  t.row().neighbours = count;
+  t.judge(
+      "neighbours that stay stable", 1 - count.share(), 1 - least,
+      fmt::format("{} of {} give energy, up to {:.2g} mJ since the start and {:.2g} mJ in a second; {} swing "
+                  "at rest, up to {:.2g} N; itself: {}",
+                  giving, count.all, 1e3 * *t.row().controlled_energy_J,
+                  1e3 * t.row().second_energy_J.value_or(0), swinging, *t.row().hold_swing_N, of_itself));
+  return {};
 }
 
 // If the device's damping makes the loop passive, gestures that give no energy must stay unchanged: the
@@ -283,6 +353,7 @@ std::vector<StabilityCase> gestureCases() {
       {"loose_tap", lateContact},
       {"grip_changes", lateContact},
       {"backlash", lateContact},
+      {"late_rest", lateContact},
   };
 }
 

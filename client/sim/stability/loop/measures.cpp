@@ -85,6 +85,16 @@ double rmsOf(std::span<const double> signal) {
   return signal.empty() ? 0 : std::sqrt(sum / static_cast<double>(signal.size()));
 }
 
+std::vector<double> aboutSlowPart(std::span<const double> signal, std::size_t around) {
+  std::vector<double> sum(signal.size() + 1, 0.0), out;
+  for (std::size_t i = 0; i < signal.size(); ++i) sum[i + 1] = sum[i] + signal[i];
+  for (std::size_t i = 0; i < signal.size(); ++i) {
+    const std::size_t reach = std::min({around, i, signal.size() - 1 - i});
+    out.push_back(signal[i] - (sum[i + reach + 1] - sum[i - reach]) / static_cast<double>(2 * reach + 1));
+  }
+  return out;
+}
+
 std::vector<double> bandPassed(std::span<const double> signal, double rate_hz, const BandFilter& band) {
   std::vector<Section> sections;
   for (int i = 0; i < band.order / 2; ++i) {
@@ -131,6 +141,19 @@ double maxForce_N(const PlantRun& run) {
   double most = 0;
   for (const PlantTick& tick : run.ticks) most = std::max(most, norm(tick.report.wrench_W.force_N));
   return most;
+}
+
+std::optional<double> greatestInASecond_J(std::span<const PlantTick> ticks, double rate_hz) {
+  const auto second = static_cast<std::size_t>(rate_hz + 0.5);
+  if (ticks.size() < 2 * second) return std::nullopt;
+  double more_J = 0, most_J = 0;  // the sum over the later second minus that over the earlier one
+  for (std::size_t k = 0; k < ticks.size(); ++k) {
+    more_J += ticks[k].grip_J;
+    if (k >= second) more_J -= 2 * ticks[k - second].grip_J;
+    if (k >= 2 * second) more_J += ticks[k - 2 * second].grip_J;
+    if (k + 1 >= 2 * second) most_J = std::max(most_J, more_J / static_cast<double>(second));
+  }
+  return most_J;
 }
 
 double unexplainedStep_N(Vec3 p_before_m, const StepReport& before, Vec3 p_m, const StepReport& report,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,6 +24,9 @@ std::vector<double> forceAlong(std::span<const PlantTick> ticks, Vec3 direction)
 /// Maximum minus minimum; 0 if empty.
 double peakToPeak(std::span<const double> signal);
 double rmsOf(std::span<const double> signal);  ///< 0 if empty
+/// Each value minus the mean of the `around` values before and after it, fewer at the ends: a swing without
+/// the creep of a relaxing wall.
+std::vector<double> aboutSlowPart(std::span<const double> signal, std::size_t around);
 
 /// A Butterworth band: high-pass at `low_hz` and, if below half the rate, low-pass at `high_hz`, each of
 /// `order` (2, 4, 6 or 8; bilinear transform, prewarped corner frequencies).
@@ -41,6 +45,11 @@ int stopsIn(std::span<const PlantTick> ticks, Phase before);
 
 bool allFinite(const PlantRun& run);
 double maxForce_N(const PlantRun& run);
+
+/// The greatest energy that the hand receives in any second of these ticks, in J: the mean of `grip_J` over a
+/// second minus that over the second before, so that what springs take and return within a swing does not
+/// count, nor what the hand paid earlier. At least 0; empty for less than two seconds.
+std::optional<double> greatestInASecond_J(std::span<const PlantTick> ticks, double rate_hz);
 
 /// The declared releases: at a tick with one of these flags a fall of the force is explained. A change of
 /// trajectory only lowers the fixture's force.

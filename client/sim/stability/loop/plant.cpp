@@ -148,6 +148,26 @@ Status checked(const PlantOptions& options) {
   return {};
 }
 
+// Fills in PlantTick::grip_J and its maximum.
+void addGripEnergies(PlantRun& run, const SimulatedDeviceOptions& device) {
+  double lost_J = 0;
+  const PlantTick* before = nullptr;
+  const auto lostPerSecond_W = [&](const PlantTick& tick) {
+    return device.limits.damping_Ns_per_m * normSquared(tick.v_W_mps) +
+           device.dry_friction_N * norm(tick.v_W_mps) +
+           device.rotational_damping_Nms_per_rad * normSquared(tick.w_W_radps);
+  };
+  for (PlantTick& tick : run.ticks) {
+    if (before != nullptr)
+      lost_J += 0.5 * (lostPerSecond_W(*before) + lostPerSecond_W(tick)) * (tick.time_s - before->time_s);
+    const double kinetic_J = 0.5 * device.limits.apparent_mass_kg * normSquared(tick.v_W_mps) +
+                             0.5 * device.inertia_kgm2 * normSquared(tick.w_W_radps);
+    tick.grip_J = tick.energy_J + tick.turn_energy_J - lost_J - kinetic_J;
+    run.grip_energy_J = std::max(run.grip_energy_J, tick.grip_J);
+    before = &tick;
+  }
+}
+
 }  // namespace
 
 Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const PlantOptions& options) {
@@ -202,7 +222,7 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
     if (run.fault == Fault::kNone) run.fault = gate.fault();
   }
   run.margins = marginsOf(run, options);
-  run.grip_energy_J = greatestGripEnergy_J(run, options.device);
+  addGripEnergies(run, options.device);
   return run;
 }
 
@@ -246,25 +266,6 @@ LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options) {
   margins.coupled =
       lets_go ? margins.passive : margin(hand.damping_Ns_per_m, hand.rotational_damping_Nms_per_rad);
   return margins;
-}
-
-double greatestGripEnergy_J(const PlantRun& run, const SimulatedDeviceOptions& device) {
-  double lost_J = 0, greatest_J = 0;
-  const PlantTick* before = nullptr;
-  const auto lostPerSecond_W = [&](const PlantTick& tick) {
-    return device.limits.damping_Ns_per_m * normSquared(tick.v_W_mps) +
-           device.dry_friction_N * norm(tick.v_W_mps) +
-           device.rotational_damping_Nms_per_rad * normSquared(tick.w_W_radps);
-  };
-  for (const PlantTick& tick : run.ticks) {
-    if (before != nullptr)
-      lost_J += 0.5 * (lostPerSecond_W(*before) + lostPerSecond_W(tick)) * (tick.time_s - before->time_s);
-    const double kinetic_J = 0.5 * device.limits.apparent_mass_kg * normSquared(tick.v_W_mps) +
-                             0.5 * device.inertia_kgm2 * normSquared(tick.w_W_radps);
-    greatest_J = std::max(greatest_J, tick.energy_J + tick.turn_energy_J - lost_J - kinetic_J);
-    before = &tick;
-  }
-  return greatest_J;
 }
 
 }  // namespace needlelab

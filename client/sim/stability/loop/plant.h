@@ -64,6 +64,9 @@ struct PlantTick {
   double slant = 1;            ///< c of the source, see ForceSource::slant
   double energy_J = 0;       ///< ∫ f·v dt of the rendered force since the start: energy given to the hand
   double turn_energy_J = 0;  ///< ∫ τ·ω dt of the rendered torque at the handle, likewise
+  /// What the hand has received since the start: both of these minus the losses in the device's own damping
+  /// and dry friction and the handle's kinetic energy. Falls while the hand pays for an insertion.
+  double grip_J = 0;
 };
 
 /// Theoretical limits relative to the steepest stiffness of a run: K ≤ b/(T (½ + d)) (passiveStiffnessLimit).
@@ -80,7 +83,9 @@ struct PlantRun {
   std::vector<PlantTick> ticks;
   Fault fault = Fault::kNone;  ///< first fault of the gate; the run continues without force
   LoopMargins margins = {};
-  double grip_energy_J = 0;  ///< see greatestGripEnergy_J
+  double grip_energy_J = 0;  ///< the greatest `grip_J` of a tick. A passive loop gives none; energy that
+                             ///< the tissue absorbed earlier hides what it gives later (greatestRise). At
+                             ///< least 0
 };
 
 /// Runs the plan to its end. Deterministic. Errors: kInvalidInput, as of SimulatedDevice::open.
@@ -96,11 +101,5 @@ double greatestDistortion_N(const PlantRun& run);
 /// clamping stiffness, across the needle, also through the tool's lever. Uses the smaller of both. A hand
 /// that lets go during the plan does not count.
 LoopMargins marginsOf(const PlantRun& run, const PlantOptions& options);
-
-/// The maximum, over the time since the start, of the energy given by the rendered wrench minus the losses in
-/// the device's own damping and dry friction and the handle's kinetic energy: what the hand received. A
-/// passive loop gives none; energy that the tissue absorbed earlier hides what it gives later. At least 0. In
-/// J.
-double greatestGripEnergy_J(const PlantRun& run, const SimulatedDeviceOptions& device);
 
 }  // namespace needlelab

@@ -48,7 +48,7 @@ TEST(StabilityCommand, givesTheRowsOfTheContract) {
   EXPECT_NEAR(wall.at("passive_margin").get<double>(), 0.5 / 1.5e-3 / 500, 1e-9);
   EXPECT_EQ(wall.at("step_noticeable"), false);
   EXPECT_TRUE(wall.at("grip_energy_j").is_number());
-  EXPECT_THAT(run.out, HasSubstr("boundary_hold           4.67         0.667 not"));
+  EXPECT_THAT(run.out, HasSubstr("boundary_hold           4.67           0.667 not"));
   EXPECT_EQ(direct.at("verdict"), "chatters");
   EXPECT_EQ(direct.at("passed"), false);
   EXPECT_GT(direct.at("chatter_n"), wall.at("chatter_n"));
@@ -112,6 +112,68 @@ TEST(StabilityCommand, drawsTheCasesThatItRan) {
   ASSERT_EQ(run.code, 0) << run.err;
   for (const char* name : {"stability.png", "stability-holds.png"})
     EXPECT_GT(std::filesystem::file_size(folder.path() / "out" / name), 5000U) << name;
+}
+
+// the case with trouble first, by its title, with its control; cells that are all equal are grey (4)
+TEST(StabilityCommand, thePictureHasTheMostTroubledCaseOnTop) {
+  if (!hasGnuplot()) GTEST_SKIP() << "gnuplot is not on the PATH";
+  const test::TempFolder folder;
+  auto changed = CaseFile::embedded().value().json();
+  changed["cases"]["loose_tap"]["neighbours"] = {
+      {"count", 2}, {"spread", 0.1}, {"least_stable", 1}, {"seed", 1}};
+  changed["cases"]["loose_tap"]["hold_limit_n"] = 0;
+  const auto cases = folder.write("cases.json", changed.dump());
+  sim({"stability", "--case", "quaternion_sign", "--case", "loose_tap", "--model", "ENHANCED_TRACKING_WALL",
+       "--cases", cases.string(), "--out", (folder.path() / "out").string()});
+  const std::string text = readWholeFile(folder.path() / "out" / "stability.dat").value();
+  EXPECT_LT(text.find("on bone, taps 4 ticks late\t"), text.find("the quaternion’s sign alternates\t"));
+  EXPECT_THAT(text, HasSubstr("neighbours that stay stable ≥ 100 % · with control"));
+  EXPECT_THAT(text, HasSubstr("0\t1\t4\t0\n")) << "stable, as in all";
+  EXPECT_THAT(text, testing::Not(HasSubstr("quaternion_sign")));
+}
+
+std::string deviceFile(const char* name) {
+  return std::string(NEEDLELAB_SOURCE_DIR) + "/tests/stability/devices/" + name + ".json";
+}
+
+// A device that is told more damping and renders earlier holds stiffer scenes; and each patient has a cell.
+TEST(StabilityCommand, anOwnDeviceIsJudgedInEachPatient) {
+  const test::TempFolder folder;
+  auto few = CaseFile::embedded().value().json();
+  few["cases"]["late_rest"]["neighbours"] = {{"count", 2}, {"spread", 0.1}, {"least_stable", 1}, {"seed", 1}};
+  const auto cases = folder.write("cases.json", few.dump()).string();
+  double safe_N_per_m[2] = {};
+  for (const int i : {0, 1}) {
+    const Outcome run = sim(
+        {"stability", "--cases", cases, "--device", deviceFile(i == 0 ? "falcon" : "virtuose"), "--json"});
+    ASSERT_EQ(run.code, 0) << run.err;
+    std::size_t patients = 0;
+    const json whole = json::parse(run.out);
+    for (const json& row : whole.at("rows")) {
+      EXPECT_EQ(row.at("neighbours"), 2);
+      if (row.at("scene") != "one_layer")
+        ++patients;
+      else if (row.at("passed") == true)
+        safe_N_per_m[i] = row.at("at_once_n_per_m");
+    }
+    EXPECT_GE(patients, 10u);
+  }
+  EXPECT_GT(safe_N_per_m[0], 200);
+  EXPECT_GT(safe_N_per_m[1], 1.25 * safe_N_per_m[0]);
+}
+
+TEST(StabilityCommand, whatIsWrongWithADeviceIsNamed) {
+  const test::TempFolder folder;
+  auto device = jsonFrom(deviceFile("falcon"));
+  device["told"].erase("lag_s");
+  const Outcome untold = sim({"stability", "--device", folder.write("a.json", device.dump()).string()});
+  EXPECT_EQ(untold.code, 2);
+  EXPECT_THAT(untold.err, HasSubstr("a.json: told.lag_s: must be a number"));
+  device = jsonFrom(deviceFile("falcon"));
+  device["mass"] = 1;
+  const Outcome unknown = sim({"stability", "--device", folder.write("b.json", device.dump()).string()});
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("b.json: cases.late_rest.plant.mass: unknown"));
 }
 
 }  // namespace

@@ -40,11 +40,11 @@ CaseRow unjudgedRow(const std::string& case_name, AxialModel model) {
   return row;
 }
 
-// the cells of a line: 24 characters for the case, 13 for each number
+// the cells of a line: 24 characters for the case, 15 for each number
 std::string line(const std::vector<std::string>& cells, const std::string& last) {
   std::string text;
   for (std::size_t i = 0; i < cells.size(); ++i)
-    text += cells[i] + std::string((i == 0 ? 24 : 13) - cells[i].size(), ' ');
+    text += cells[i] + std::string((i == 0 ? 24 : 15) - cells[i].size(), ' ');
   return text + last;
 }
 
@@ -94,6 +94,15 @@ TEST(StabilityTable, hasALineForEachCaseAndAColumnForEachModel) {
   EXPECT_THAT(text,
               EndsWith("\n\nThe enhanced tracking wall is stable in 2 of 2 hard cases; not stable: direct "
                        "in 1 of 2, FEM in 1 of 1.\n"));
+}
+
+// 14 of 30: Wilson's interval is 30.2 to 63.9 %
+TEST(StabilityTable, ofANeighbourhoodShowsTheShareThatIsStableWithItsInterval) {
+  CaseRow row = judgedRow("late", kWall, 16.0 / 30, 0.25, Verdict::kChatters, "neighbours that stay stable");
+  row.neighbours = NeighbourCount{14, 30};
+  const auto lines = linesOf(rowsText({row}));
+  ASSERT_GT(lines.size(), 1u);
+  EXPECT_EQ(lines[1], line({"late", "75 %", "47 % 30-64 ~"}, "neighbours that stay stable"));
 }
 
 TEST(StabilityTable, aNoteOfAModelThatPassedGivesWayToTheWalls) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "client/device/hand/hand.h"
@@ -43,6 +44,19 @@ TEST(SmallSample, oneValueHasNoInterval) {
   EXPECT_EQ(meanInterval(kOne).mean, 5);
   EXPECT_TRUE(std::isinf(meanInterval(kOne).high));
   EXPECT_EQ(meanInterval({}).count, 0u);
+}
+
+// the bounds solve (p̂ − p)² = z² p (1 − p)/n
+TEST(WilsonInterval, solvesItsEquation) {
+  for (const auto& [hits, count] : {std::pair{14.0, 30u}, {0.0, 30u}, {30.0, 30u}, {185.0, 200u}}) {
+    const double share = hits / count;
+    const ShareInterval interval = wilsonInterval(share, count);
+    for (const double p : {interval.low, interval.high})
+      EXPECT_NEAR((share - p) * (share - p), kNormal975 * kNormal975 * p * (1 - p) / count, 1e-15);
+    EXPECT_LE(interval.low, share + 1e-12);
+    EXPECT_GE(interval.high, share - 1e-12);
+  }
+  EXPECT_EQ(wilsonInterval(0, 0).high, 1);
 }
 
 TEST(HolmCorrected, byHand) {
