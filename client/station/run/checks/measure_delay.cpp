@@ -142,7 +142,8 @@ Result<DelayFit> measureDelay(Device& device, TimeSource& clock, double rate_hz,
     return Error{ErrorCode::kUnavailable,
                  fmt::format("{} of {} ticks were missed: end other programs, then measure again",
                              stats.missed, stats.ticks)};
-  ASSIGN_OR_RETURN(const DelayFit fit, fitDelay(loop.response(), rate_hz));
+  ASSIGN_OR_RETURN(const DelayFit fit,
+                   fitDelay(loop.response(), rate_hz, device.info().limits.apparent_mass_kg));
   if (fit.halves_apart_s > kMaxApart_s)
     return Error{
         ErrorCode::kFailed,
