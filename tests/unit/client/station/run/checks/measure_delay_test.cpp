@@ -154,10 +154,10 @@ TEST_F(KeptDelay, isThatOfTheDevicesOwnRow) {
   EXPECT_DOUBLE_EQ(b->ticks, 5);
 }
 
-TEST_F(KeptDelay, isTwoTicksUnlessMeasuredOrKnownForTheDevice) {
+TEST_F(KeptDelay, isThatOfTheTableUnlessMeasuredOrKnownForTheDevice) {
   const auto assumed = loopDelayOf(options("falcon:0"), unknown_);
   ASSERT_TRUE(assumed.ok());
-  EXPECT_EQ(assumed->ticks, 2);
+  EXPECT_EQ(assumed->ticks, 3);
   EXPECT_FALSE(assumed->is_known);
   DeviceInfo known = unknown_;
   known.delay_ticks = 1;
