@@ -18,7 +18,13 @@ constexpr std::array<double, 8> kSines_hz = {14, 18, 24, 30, 38, 46, 56, 68};
 constexpr std::size_t kMinPeriods = 6;
 constexpr double kMax_s = 15e-3, kCoarse_s = 0.5e-3, kFine_s = 0.01e-3;
 constexpr double kMaxWeight = 300;  // a model of a hand is not more accurate than this
-constexpr double kMaxUnexplained = 0.2;
+constexpr double kMaxUnexplained = 0.05;
+// hand and forearm have 2.5 % of a man's mass (Plagenhoef et al. 1983): 2 kg of 80 kg. The fit of a handle
+// without a hand is up to 11 % too light
+constexpr double kMaxHand_kg = 2, kMinOfHandle = 0.8;
+// a force below 0 by less than this share of the mass's force at the lowest sine cannot be told from 0: in a
+// light grip with tremor, good measurements go down to 0.1
+constexpr double kBelowZero = 0.1;
 
 std::size_t periodTicks(double rate_hz) {
   return static_cast<std::size_t>(std::lround(kPeriod_s * rate_hz));
@@ -135,7 +141,7 @@ std::vector<double> probeForce(double rate_hz, double seconds, double max_N) {
   return all;
 }
 
-Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz) {
+Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz, double handle_kg) {
   const std::size_t period = periodTicks(rate_hz), periods = samples.size() / period;
   if (periods < kMinPeriods)
     return Error{ErrorCode::kInvalidInput,
@@ -152,11 +158,20 @@ Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_h
                found.model.stiffness,
                std::sqrt(found.model.error),
                0};
-  if (!(fit.unexplained < kMaxUnexplained) || !(fit.mass_kg > 0))
+  const double omega = 2 * std::numbers::pi * kSines_hz.front(), below = kBelowZero * fit.mass_kg * omega;
+  const double from_kg = kMinOfHandle * handle_kg, to_kg = handle_kg + kMaxHand_kg;
+  if (!(fit.unexplained <= kMaxUnexplained) || !(fit.mass_kg >= from_kg && fit.mass_kg <= to_kg) ||
+      !(fit.damping_Ns_per_m >= -below) || !(fit.stiffness_N_per_m >= -below * omega))
     return Error{
         ErrorCode::kFailed,
-        fmt::format("the handle did not answer the force: {:.0f} % of its movement is something else",
-                    100 * std::min(1.0, fit.unexplained))};
+        fmt::format(
+            "the handle did not answer the force as one in a hand does: it moved like {:.2f} kg, "
+            "{:.1f} N·s/m and {:.0f} N/m, with {:.0f} % of the movement something else. Right are "
+            "{:.2f} to {:.2f} kg, nothing clearly below 0, and at most {:.0f} %. Hold the handle firmly "
+            "and still, and measure again. If that fails too, friction or play hides the delay: have the device "
+            "serviced. Lessons keep the delay that they had",
+            fit.mass_kg, fit.damping_Ns_per_m, fit.stiffness_N_per_m, 100 * std::min(1.0, fit.unexplained),
+            from_kg, to_kg, 100 * kMaxUnexplained)};
   const std::size_t half = (periods - 1) / 2 * period;
   const Found first = search(linesOf(used.first(half), rate_hz)),
               second = search(linesOf(used.last(half), rate_hz));

@@ -31,8 +31,10 @@ struct DelayFit {
 /// of 14 to 68 Hz, at most `max_N`. One number per tick.
 std::vector<double> probeForce(double rate_hz, double seconds, double max_N);
 
-/// Fits delay and lag, [0, 15 ms] each. Skips the first period, in which the hand settles. Errors:
-/// kInvalidInput (fewer than 6 periods), kFailed (no response, or one that the model does not explain).
-Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz);
+/// Fits delay and lag, [0, 15 ms] each. Skips the first period, in which the hand settles. `handle_kg`: the
+/// device's apparent mass. Errors: kInvalidInput (fewer than 6 periods), kFailed (no force, or a response
+/// that is not a handle's in a hand: more than 5 % unexplained, a stiffness or damping clearly below 0, or a
+/// mass that is not the handle's with at most 2 kg of hand and forearm).
+Result<DelayFit> fitDelay(std::span<const ResponseSample> samples, double rate_hz, double handle_kg);
 
 }  // namespace needlelab

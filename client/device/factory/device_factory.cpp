@@ -72,10 +72,11 @@ MadeDevice makeFalcon(const std::string& rest, const DeviceOptions& /*options*/)
 }
 
 constexpr DeviceKind kKinds[] = {
-    {"simulated", "", "", "simulated", "simulated device", makeSimulated, listSimulated},
-    {"recording", ":FILE", ":", "recording:FILE", "recorded motion", makeRecording, listRecording},
-    {"virtuose", "[:HOST#PORT]", ":", "virtuose", "Virtuose 6D", makeVirtuose, [] { return listVirtuose(); }},
-    {"falcon", "[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]", ":@", "falcon", "Novint Falcon", makeFalcon,
+    {"simulated", "", "", "simulated", "simulated device", 0, makeSimulated, listSimulated},
+    {"recording", ":FILE", ":", "recording:FILE", "recorded motion", 0, makeRecording, listRecording},
+    {"virtuose", "[:HOST#PORT]", ":", "virtuose", "Virtuose 6D", 3, makeVirtuose,
+     [] { return listVirtuose(); }},
+    {"falcon", "[:FIRMWARE-FILE][@SERIAL-OR-BUS-PATH]", ":@", "falcon", "Novint Falcon", 3, makeFalcon,
      listFalcons},
 };
 
@@ -92,12 +93,18 @@ std::string deviceKindsText() {
   return text;
 }
 
-Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
+const DeviceKind* deviceKindOf(const std::string& spec) {
   for (const DeviceKind& kind : kKinds) {
     if (!spec.starts_with(kind.name)) continue;
-    const std::string rest = spec.substr(std::strlen(kind.name));
-    if (rest.empty() || std::strchr(kind.separators, rest[0]) != nullptr) return kind.make(rest, options);
+    const std::size_t end = std::strlen(kind.name);
+    if (spec.size() == end || std::strchr(kind.separators, spec[end]) != nullptr) return &kind;
   }
+  return nullptr;
+}
+
+Result<std::unique_ptr<Device>> makeDevice(const std::string& spec, const DeviceOptions& options) {
+  if (const DeviceKind* kind = deviceKindOf(spec))
+    return kind->make(spec.substr(std::strlen(kind->name)), options);
   return Error{ErrorCode::kInvalidInput,
                "--device '" + spec + "' is unknown; there are " + deviceKindsText()};
 }

@@ -30,6 +30,10 @@ struct DeviceKind {
   const char* separators;  ///< characters that may follow the name: "", ":" or ":@"
   const char* listed_as;   ///< entry in --list-devices when the kind has no listing of its own
   const char* title;       ///< for a person
+  /// Ticks from a reading to its force, as lessons assume them until they are measured, where the device does
+  /// not know them (DeviceInfo::delay_ticks). An assumption: one to read, compute and write, two in the
+  /// device.
+  double assumed_delay_ticks;
   /// Makes the device without opening it. `rest`: the text of `--device` after the name, separator included.
   Result<std::unique_ptr<Device>> (*make)(const std::string& rest, const DeviceOptions& options);
   /// Lists the devices of this kind on this computer. Renders no force; may take long.
@@ -41,6 +45,9 @@ std::span<const DeviceKind> deviceKinds();
 
 /// For `--help` and for error messages, e.g. "simulated, recording:FILE".
 std::string deviceKindsText();
+
+/// The kind of the device that `spec` names; null if it names none.
+const DeviceKind* deviceKindOf(const std::string& spec);
 
 /// Makes the device named by `spec`, without opening it. Errors (kInvalidInput): an unknown kind, with the
 /// list of known ones; a recording that cannot be read, with file, line, column and value; a hand's plan that

@@ -142,7 +142,8 @@ Result<DelayFit> measureDelay(Device& device, TimeSource& clock, double rate_hz,
     return Error{ErrorCode::kUnavailable,
                  fmt::format("{} of {} ticks were missed: end other programs, then measure again",
                              stats.missed, stats.ticks)};
-  ASSIGN_OR_RETURN(const DelayFit fit, fitDelay(loop.response(), rate_hz));
+  ASSIGN_OR_RETURN(const DelayFit fit,
+                   fitDelay(loop.response(), rate_hz, device.info().limits.apparent_mass_kg));
   if (fit.halves_apart_s > kMaxApart_s)
     return Error{
         ErrorCode::kFailed,
@@ -176,7 +177,10 @@ Result<LoopDelay> loopDelayOf(const StationOptions& options, const DeviceInfo& d
   const auto file = delayFile(options);
   ASSIGN_OR_RETURN(const auto json, readDelays(file));
   const auto row = json.find(options.device);
-  if (row == json.end()) return LoopDelay{};
+  if (row == json.end()) {
+    const DeviceKind* kind = deviceKindOf(options.device);
+    return LoopDelay{kind != nullptr ? kind->assumed_delay_ticks : 0};
+  }
   const auto numberOf = [&](const char* field) -> Result<double> {
     const auto value = row->find(field);
     const double number = value != row->end() && value->is_number() ? value->get<double>() : -1;

@@ -48,14 +48,14 @@ class ProbeLoop final : public ZeroForceLoop {
 };
 
 /// Measures the open device. Errors: kUnavailable (released, a fault, too many missed ticks; the message
-/// gives advice), kFailed (stopped by a signal; no response; the two halves disagree). `time`, `threads`: as
+/// gives advice), kFailed (stopped by a signal; as fitDelay; the two halves disagree). `time`, `threads`: as
 /// in runZeroForceLoop; `real_time`: false for devices that advance by ticks.
 Result<DelayFit> measureDelay(Device& device, TimeSource& clock, double rate_hz, bool real_time,
                               const sigset_t& stop_signals, const std::function<void(double t_s)>& progress,
                               TimeSource& time = machineTime(), TurnRunner& threads = machineThreads());
 
-/// Reads the delay measured for this --device from the station's file (`delayFile`); kAssumedDelayTicks if
-/// there is none. Errors: kInvalidInput (a damaged file).
+/// Reads the delay measured for this --device from the station's file (`delayFile`); if there is none, that
+/// of the table of devices (device_factory.h). Errors: kInvalidInput (a damaged file).
 Result<LoopDelay> loopDelayOf(const StationOptions& options, const DeviceInfo& device);
 
 /// The file with the delays of the station's devices, beside the spool's sessions.

@@ -22,6 +22,7 @@
 #include "client/effect_cost/tick_cost.h"
 #include "client/net/link/blocking_client.h"
 #include "client/net/link/server_link.h"
+#include "client/station/run/checks/measure_delay.h"
 #include "client/station/run/io/station_key.h"
 #include "client/station/run/io/terminal.h"
 #include "client/station/run/loop/real_time.h"
@@ -417,6 +418,7 @@ int runSelfTest(const StationOptions& options, const sigset_t& stop_signals) {
   facts.device.hardware = options.device != "simulated" && !options.device.starts_with("recording:");
   facts.device.tool_given = options.tool_given;
   facts.device.X_HT = options.X_HT;
+  if (facts.device.info) facts.device.delay = loopDelayOf(options, *facts.device.info);
   facts.machine = measureMachine();
   facts.monitor = {options.window.viewing, !options.headless, connectedMonitors()};
   facts.engine = measureEngine(options.rate_hz);

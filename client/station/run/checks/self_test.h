@@ -14,6 +14,7 @@
 
 #include "client/device/device.h"
 #include "client/station/run/io/options.h"
+#include "client/station/run/lesson/lesson.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/zero_force_loop.h"
 #include "client/view/model/letters.h"
@@ -52,6 +53,7 @@ struct DeviceFacts {
   double moved_m = 0;     ///< greatest distance from the mean position
   double noise_m = 0;     ///< see restNoise_m
   std::vector<RtStep> realtime;
+  Result<LoopDelay> delay = LoopDelay{0, 0, true};  ///< as lessons use it
 };
 
 struct MachineFacts {

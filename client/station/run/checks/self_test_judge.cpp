@@ -322,6 +322,19 @@ void judgeServers(const std::vector<ServerFacts>& servers, std::vector<Check>& c
                 any_accepts ? Verdict::kWarning : Verdict::kFailed, checks);
 }
 
+// the last row leads to the measurement
+void judgeDelay(const DeviceFacts& f, std::vector<Check>& checks) {
+  if (!f.trouble.empty() || !f.info || !f.info->renders_force || (f.delay.ok() && f.delay->is_known)) return;
+  if (!f.delay.ok())
+    checks.push_back({"delay", Verdict::kFailed, f.delay.error().message, "", ""});
+  else
+    checks.push_back(
+        {"delay", Verdict::kNotChecked,
+         fmt::format("not measured: lessons assume that a force is {:g} ticks late", f.delay->ticks), "",
+         "hold the handle and run needlelab-station --device " + f.spec +
+             " --measure-delay: it takes a minute"});
+}
+
 }  // namespace
 
 std::span<const ConditionText> conditionTexts() {
@@ -336,6 +349,7 @@ std::vector<Check> judge(const SelfTestFacts& facts) {
   judgeEngine(facts.engine, facts.device.rate_hz, checks);
   judgeDisk(facts.disk, facts.device.rate_hz, checks);
   judgeServers(facts.servers, checks);
+  judgeDelay(facts.device, checks);
   return checks;
 }
 

@@ -213,12 +213,10 @@ std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const 
   const bool turns = device.renders_torque && handle.handle_Nm_per_rad > max_turn * (1 + 1e-9);
   if (steepest <= most * (1 + 1e-9) && !turns) return std::nullopt;
   return fmt::format(
-      "{} and the device, which damps {:.3g} N·s/m and renders a force {:.2g} ticks late{}, is passive up to "
-      "{}",
+      "{} and the device, which damps {:.3g} N·s/m and renders a force {:.2g} ticks late, is passive up to {}",
       !turns ? fmt::format("the scene is {:.4g} N/m steep", steepest)
              : fmt::format("the scene is {:.3g} N·m/rad steep about the handle", handle.handle_Nm_per_rad),
       device.limits.damping_Ns_per_m, delay.totalTicks(model.rate_hz),
-      delay.is_known ? "" : " (assumed; --measure-delay finds it)",
       !turns ? fmt::format("{:.4g} N/m", most) : fmt::format("{:.3g} N·m/rad", max_turn));
 }
 
@@ -257,6 +255,11 @@ Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const LoopDela
                                            model.error().message};
     lesson.model = std::move(*model);
   }
+  if (device.renders_force && !delay.is_known)
+    notes.push_back(fmt::format(
+        "The delay from a reading to its force is assumed to be {:g} ticks, not measured. If it is longer, the "
+        "needle can swing in a loose hand. needlelab-station --measure-delay finds it in a minute.",
+        delay.ticks));
   const auto unproven = unprovenPassivity(lesson, device, delay, options.X_HT);
   if ((options.passivity_control || unproven) && device.renders_force) {
     lesson.passivity = passivityOf(device, delay);

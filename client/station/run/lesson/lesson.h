@@ -19,15 +19,11 @@
 
 namespace needlelab {
 
-/// The delay that lessons assume if none was measured: one tick to read, compute and write, one in the
-/// device.
-inline constexpr double kAssumedDelayTicks = 2;
-
 /// The delay that a lesson uses (measure_delay.h).
 struct LoopDelay {
-  double ticks = kAssumedDelayTicks;  ///< from a reading to its force …
-  double lag_s = 0;                   ///< … plus this lag
-  bool is_known = false;              ///< measured, or known by construction; otherwise assumed
+  double ticks = 0;       ///< from a reading to its force …
+  double lag_s = 0;       ///< … plus this lag
+  bool is_known = false;  ///< measured, or known by construction; otherwise assumed, by the table of devices
   /// The whole delay, for stiffness limits.
   [[nodiscard]] double totalTicks(double rate_hz) const { return ticks + lag_s * rate_hz; }
 };
@@ -102,8 +98,8 @@ PassivitySettings passivityOf(const DeviceInfo& device, const LoopDelay& delay);
 /// Adds to `notes` how this device uses the tool.
 void noteTool(const Pose& X_HT, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Adapts `lesson`'s scene and model to the device, with all notes. Turns passivity control on if passivity
-/// is not proven or --passivity-control is given. Errors: kInvalidInput.
+/// Adapts `lesson`'s scene and model to the device, with all notes; one says if the delay is assumed. Turns
+/// passivity control on if passivity is not proven or --passivity-control is given. Errors: kInvalidInput.
 Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
                  const StationOptions& options, std::vector<std::string>& notes);
 

@@ -49,6 +49,24 @@ TEST(MeasureDelay, findsTheDelayAndLagOfASimulatedDevice) {
     }
 }
 
+TEST(MeasureDelay, comparesTheMassWithTheDevicesOwn) {
+  // moves like the 0.35 kg of a Virtuose, and says that it has 0.7
+  class Heavier final : public Device {
+   public:
+    Heavier() { info_.limits.apparent_mass_kg = 0.7; }
+    [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+    Status open(double rate_hz) override { return of_.open(rate_hz); }
+    DeviceRead read(DeviceReading& reading) noexcept override { return of_.read(reading); }
+    void write(const GuardedWrench& at_handle_W) noexcept override { of_.write(at_handle_W); }
+    void close() noexcept override { of_.close(); }
+
+   private:
+    SimulatedDevice of_ = held(1, 0);
+    DeviceInfo info_ = of_.info();
+  } heavier;
+  EXPECT_THAT(measure(heavier).error().message, HasSubstr("Right are 0.56 to 2.70 kg"));
+}
+
 TEST(MeasureDelay, neverPushesHarderThanHalfANewtonNorTurns) {
   double max_N = 0;
   FakeDevice device([](std::uint64_t, DeviceReading& reading) {
@@ -136,10 +154,10 @@ TEST_F(KeptDelay, isThatOfTheDevicesOwnRow) {
   EXPECT_DOUBLE_EQ(b->ticks, 5);
 }
 
-TEST_F(KeptDelay, isTwoTicksUnlessMeasuredOrKnownForTheDevice) {
+TEST_F(KeptDelay, isThatOfTheTableUnlessMeasuredOrKnownForTheDevice) {
   const auto assumed = loopDelayOf(options("falcon:0"), unknown_);
   ASSERT_TRUE(assumed.ok());
-  EXPECT_EQ(assumed->ticks, 2);
+  EXPECT_EQ(assumed->ticks, 3);
   EXPECT_FALSE(assumed->is_known);
   DeviceInfo known = unknown_;
   known.delay_ticks = 1;

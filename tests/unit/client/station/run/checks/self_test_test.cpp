@@ -214,6 +214,25 @@ TEST(SelfTest, eachServerIsJudgedAndOneGoodServerSuffices) {
   EXPECT_EQ(find(judge(facts), "server other:7750")->verdict, Verdict::kFailed);
 }
 
+TEST(SelfTest, endsWithTheWayToTheDelaysMeasurement) {
+  SelfTestFacts facts = goodFacts();
+  facts.device.delay = LoopDelay{3};
+  const auto checks = judge(facts);
+  const Check& last = checks.back();
+  EXPECT_EQ(last.name, "delay");
+  EXPECT_EQ(last.verdict, Verdict::kNotChecked);
+  EXPECT_THAT(last.found, HasSubstr("3 ticks"));
+  EXPECT_THAT(last.advice, HasSubstr("needlelab-station --device virtuose --measure-delay"));
+  facts.device.info->renders_force = false;
+  EXPECT_EQ(find(judge(facts), "delay"), nullptr) << "it has no force";
+  facts.device.info->renders_force = true;
+  facts.device.trouble = "no library";
+  EXPECT_EQ(find(judge(facts), "delay"), nullptr) << "it cannot be measured yet";
+  facts = goodFacts();
+  facts.device.delay = Error{ErrorCode::kInvalidInput, "device-delays.json: delete it"};
+  EXPECT_EQ(find(judge(facts), "delay")->verdict, Verdict::kFailed);
+}
+
 TEST(SelfTest, aDeviceThatNeverReportsFails) {
   SelfTestFacts facts = goodFacts();
   facts.device.loop.fresh = 0;

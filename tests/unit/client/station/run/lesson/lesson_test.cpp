@@ -206,12 +206,27 @@ TEST(DeviceFit, passivityControlIsOnWhereALateForceIsNotProvenPassive) {
   // a lag counts as a delay of the same duration
   EXPECT_EQ(fitted(deviceWith(2000, 1.7), {0, (just - 1e-6) * 1e-3, true}), "");
   EXPECT_NE(fitted(deviceWith(2000, 1.7), {0, (just + 1e-6) * 1e-3, true}), "");
-  // without a measurement two ticks are assumed, with a note
-  EXPECT_THAT(fitted(deviceWith(2000, 1.5), LoopDelay{}),
-              testing::AllOf(HasSubstr("2 ticks late"), HasSubstr("--measure-delay")));
+}
+
+TEST(DeviceFit, anAssumedDelayIsSaidAndCountsLikeAMeasuredOne) {
+  StationOptions options;
+  StationLesson lesson = lessonOf(400, 0.5);
+  std::vector<std::string> notes;
+  // 640 N/m; 1.7/(1 ms · 3.5) = 486 N/m are passive
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), LoopDelay{3}, options, notes).ok());
+  EXPECT_THAT(notes, ElementsAre(testing::AllOf(HasSubstr("assumed to be 3 ticks, not measured"),
+                                                HasSubstr("--measure-delay finds it")),
+                                 HasSubstr("3 ticks late")));
+  ASSERT_TRUE(lesson.passivity);
+  EXPECT_EQ(lesson.passivity->delay_ticks, 3u);
+  notes.clear();
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), LoopDelay{0}, options, notes).ok());
+  EXPECT_THAT(notes, ElementsAre(HasSubstr("assumed to be 0 ticks"))) << "also where nothing has to act";
   DeviceInfo recording = deviceWith(2000, 0);
   recording.renders_force = false;
-  EXPECT_EQ(fitted(recording, LoopDelay{}), "");
+  notes.clear();
+  ASSERT_TRUE(fitLesson(lesson, recording, LoopDelay{}, options, notes).ok());
+  EXPECT_THAT(notes, IsEmpty());
 }
 
 TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
