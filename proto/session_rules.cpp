@@ -69,8 +69,13 @@ Status checkDescription(const pb::SessionDescription& d) {
   }
   if (d.started_unix_ns() <= 0)
     return invalid("started_unix_ns", fmt::format("{}, allowed is above 0", d.started_unix_ns()));
-  if (d.has_stiffness_share() && !(d.stiffness_share() > 0 && d.stiffness_share() <= 1))
-    return invalid("stiffness_share", fmt::format("{:f}, allowed is above 0 to 1", d.stiffness_share()));
+  const auto checkShare = [](const char* field, bool has, double share) -> Status {
+    if (!has || (share > 0 && share <= 1)) return {};
+    return invalid(field, fmt::format("{:f}, allowed is above 0 to 1", share));
+  };
+  RETURN_IF_ERROR(checkShare("stiffness_share", d.has_stiffness_share(), d.stiffness_share()));
+  RETURN_IF_ERROR(
+      checkShare("delay_stiffness_share", d.has_delay_stiffness_share(), d.delay_stiffness_share()));
   return {};
 }
 

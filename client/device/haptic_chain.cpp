@@ -130,7 +130,9 @@ GuardedWrench HapticChain::tick(const DeviceReading& reading, bool fresh, std::i
   if (passivity_) {
     // an orientation that is not measured may have any value
     const Pose handle{reading.X_WH.p, has_orientation_ ? reading.X_WH.q : Quat{}};
-    wanted_at_handle = passivity_->limited(handle, admitted, wanted_at_handle, elapsed_ticks);
+    wanted_at_handle =
+        passivity_->limited(handle, admitted, wanted_at_handle,
+                            heldEnergy_J(engine_.model(), engine_.state(), report_), elapsed_ticks);
   }
   const GuardedWrench guarded = gate_.guard(wanted_at_handle);
   if (passivity_) passivity_->rendered(guarded.wrench());

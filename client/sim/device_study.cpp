@@ -6,19 +6,24 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "client/sim/stability/loop/stiffness_theory.h"
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/small_sample.h"
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
+#include "common/haptics/gate/handle_stiffness.h"
 #include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
 
 constexpr const char* kCase = "late_rest";
-constexpr double kPress_N = 3, kLightestGrip_Ns_per_m = 0.9;
+constexpr double kPress_N = 3;
 constexpr double kSoftest_N_per_m = 100, kStiffest_N_per_m = 10'000, kStep = 1.25;
+
+// What a station does: "76 %", of the stiffness, or "refused: 41 %".
+std::string shareText(const DeviceRow& row) {
+  return fmt::format("{}{:.0f} %", row.share < kMinStiffnessShare ? "refused: " : "", 100 * row.share);
+}
 
 // The file's members; the plant is all of them but its texts and what is told.
 Result<nlohmann::json> readDevice(const std::filesystem::path& path) {
@@ -48,6 +53,7 @@ Result<DeviceRow> runIn(const nlohmann::json& cases, const nlohmann::json& devic
   auto plant = device;
   for (const char* other : {"name", "source", "told"}) plant.erase(other);
   entry.merge_patch({{"scene", scene}, {"plant", plant}, {"told", device["told"]}, {"scene_patch", patch}});
+  if (!patch.empty()) entry["full_stiffness"] = true;  // a wall as it is, not as a station lowers it
   const double hand_N_per_m = 90;
   for (auto& step : entry["path"])
     if (step.contains("to_depth_m")) step["to_depth_m"] = depth_m + kPress_N / hand_N_per_m;
@@ -88,7 +94,7 @@ Result<DeviceStudy> studyDevice(const std::filesystem::path& path, const CaseFil
   const double delay = told["delay_ticks"].get<double>() + told["lag_s"].get<double>() * rate_hz;
   DeviceStudy study;
   study.device = device["name"];
-  study.most_N_per_m = passiveStiffnessLimit(told_Ns_per_m + kLightestGrip_Ns_per_m, 1 / rate_hz, delay);
+  study.most_N_per_m = stableInLightestGrip_N_per_m(told_Ns_per_m, rate_hz, delay);
   const nlohmann::json none = nlohmann::json::object();
   for (const EmbeddedFile& patient : samplePatients()) {
     const auto profile = nlohmann::json::parse(patient.text);
@@ -96,6 +102,7 @@ Result<DeviceStudy> studyDevice(const std::filesystem::path& path, const CaseFil
     const std::string name(patient.name.substr(0, patient.name.rfind('.')));
     ASSIGN_OR_RETURN(auto row,
                      runIn(cases.json(), device, name, halfway(profile), none, long_form, path.string()));
+    row.share = std::min(1.0, study.most_N_per_m / row.at_once_N_per_m);
     study.patients.push_back(std::move(row));
   }
   for (double k = kSoftest_N_per_m; k <= kStiffest_N_per_m; k *= kStep) {
@@ -113,12 +120,12 @@ Result<DeviceStudy> studyDevice(const std::filesystem::path& path, const CaseFil
 }
 
 std::string deviceText(const DeviceStudy& study) {
-  std::string text =
-      fmt::format("{}\n{}{}{}{}swing [N]\n", study.device, padded("patient", 28), padded("at once [N/m]", 16),
-                  padded("stable", 18), padded("in a second [mJ]", 18));
+  std::string text = fmt::format("{}\n{}{}{}{}{}swing [N]\n", study.device, padded("patient", 28),
+                                 padded("at once [N/m]", 16), padded("rendered", 16), padded("stable", 18),
+                                 padded("in a second [mJ]", 18));
   for (const DeviceRow& one : study.patients)
-    text += fmt::format("{}{}{}{}{}\n", padded(one.scene, 28),
-                        padded(fmt::format("{:.0f}", one.at_once_N_per_m), 16),
+    text += fmt::format("{}{}{}{}{}{}\n", padded(one.scene, 28),
+                        padded(fmt::format("{:.0f}", one.at_once_N_per_m), 16), padded(shareText(one), 16),
                         padded(neighboursText(*one.row.neighbours) + (one.row.passed ? "" : " ~"), 18),
                         padded(shortNumber(1e3 * one.row.second_energy_J.value_or(0)), 18),
                         shortNumber(one.row.hold_swing_N));
@@ -136,6 +143,7 @@ nlohmann::ordered_json deviceJson(const DeviceStudy& study) {
       auto row = rowsJson({one.row}).at(0);
       row["scene"] = one.scene;
       row["at_once_n_per_m"] = one.at_once_N_per_m;
+      row["share"] = one.share;
       rows.push_back(row);
     }
   return rows;
@@ -150,7 +158,7 @@ Status drawDevice(const DeviceStudy& study, const std::filesystem::path& out) {
     data.row("patients",
              {static_cast<double>(y), one.row.neighbours->share(), interval.low, interval.high,
               one.row.passed ? 1.0 : 0.0},
-             {fmt::format("{}, {:.0f} N/m", one.scene, one.at_once_N_per_m)});
+             {fmt::format("{}, {:.0f} N/m, {}", one.scene, one.at_once_N_per_m, shareText(one))});
   }
   const auto file = out / "device.dat";
   RETURN_IF_ERROR(writeFileAtomically(file, viewOf(data.text())));

@@ -15,6 +15,7 @@ namespace needlelab {
 struct DeviceRow {
   std::string scene;
   double at_once_N_per_m = 0;  ///< the scene's stiffness along the needle
+  double share = 1;            ///< of it, as a station renders it; below kMinStiffnessShare it refuses
   CaseRow row;                 ///< neighbours, energies, swing
 };
 

@@ -251,10 +251,11 @@ int stability(const StabilityOptions& options) {
   if (made)
     return failed("stability", {ErrorCode::kInvalidInput, "--out " + options.out.string() +
                                                               ": cannot make the folder: " + made.message()});
-  const std::vector<std::string> names = {
-      "stability.dat",       "stability.png",         "stability-holds.csv",  "stability-holds.dat",
-      "stability-holds.png", "stiffness_limits.json", "stiffness_limits.csv", "stiffness_limits.png",
-      "stiffness_rest.csv",  "stiffness_rest.png",    "device.dat",           "device.png"};
+  const std::vector<std::string> names = {"stability.dat",        "stability.png",
+                                          "stability-holds.csv",  "stability-holds.dat",
+                                          "stability-holds.png",  "stiffness_limits.json",
+                                          "stiffness_limits.csv", "stiffness_limits.png",
+                                          "device.dat",           "device.png"};
   if (const Status status = checkFolderOutputs({{"--cases", options.cases}, {"--device", options.device}},
                                                {"--out", options.out}, names, options.json);
       !status.ok())

@@ -61,6 +61,11 @@ struct FixtureSteepness {
 };
 FixtureSteepness fixtureSteepness(const SceneSpec& spec);
 
+/// What the springs hold after a tick, in J: a loop that gives back no more gives nothing. A spring of force
+/// f and stiffness k counts f²/(2k), a saturated torque its way through a right angle, and the tissue's force
+/// the way for which a stretched membrane or bone keeps it. Real-time safe.
+double heldEnergy_J(const SceneModel& model, const SimState& state, const StepReport& report) noexcept;
+
 /// Stiffnesses along the trajectory, of live effects (FORCE_MODEL.md, "Stiffnesses").
 struct AlongStiffness {
   double tissue_N_per_m = 0;    ///< K_t, or the axial model's, and K_f

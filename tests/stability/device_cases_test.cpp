@@ -89,22 +89,5 @@ TEST(QuaternionSign, aTorqueFromTheScalarPartAloneFails) {
   EXPECT_GT(*row.measured, 1e-3) << rowText(row);
 }
 
-TEST(ClockSteps, withoutTheGateTheForceIsThereAtOnce) {
-  const CaseRow row = rowOf("clock_steps", kShipped, engineSource(), withoutGate());
-  EXPECT_FALSE(row.passed) << rowText(row);
-  // at its minimum the share is zero: all of the cutting force of 1 N
-  EXPECT_NEAR(*row.measured, 1.0, 0.01);
-}
-
-// the loop's clock in the gate: 20 missed ticks are bridged, 21 are a stall
-TEST(ClockSteps, oneTickMoreThanTheWatchdogsLimitFadesTheForce) {
-  const auto withForward = [](double ticks) {
-    return rowWithField("clock_steps", "forward_ticks", nlohmann::json::array({ticks}), engineSource(),
-                        withoutGate());
-  };
-  EXPECT_TRUE(withForward(20).passed);
-  EXPECT_FALSE(withForward(21).passed);
-}
-
 }  // namespace
 }  // namespace needlelab::test

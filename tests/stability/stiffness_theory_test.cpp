@@ -65,13 +65,6 @@ TEST(StiffnessTheory, theLinearLimitParksBetweenDecayAndGrowth) {
     }
 }
 
-TEST(StiffnessTheory, aCoarseEncoderNeedsDryFriction) {
-  EXPECT_DOUBLE_EQ(quantisedStiffnessLimit(3.5, 1e-3, 0.1, 0), 7000);       // 2b/T
-  EXPECT_DOUBLE_EQ(quantisedStiffnessLimit(3.5, 1e-3, 0.1, 10e-6), 7000);   // 2f/Δ = 20,000
-  EXPECT_DOUBLE_EQ(quantisedStiffnessLimit(3.5, 1e-3, 0.01, 10e-6), 2000);  // 2f/Δ
-  EXPECT_DOUBLE_EQ(quantisedStiffnessLimit(3.5, 1e-3, 0, 10e-6), 0);
-}
-
 TEST(StiffnessTheory, dampersBehindALeverGiveWayOneAfterTheOther) {
   EXPECT_EQ(dampingAcross(3.5, 0.06, 0), 3.5);
   EXPECT_NEAR(dampingAcross(3.5, 0.06, 0.13), 1 / (1 / 3.5 + 0.0169 / 0.06), 1e-12);

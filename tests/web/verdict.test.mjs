@@ -54,6 +54,10 @@ test('a session that was rendered softer than its profile says so beside the sco
     stiffnessShareText({ device_notes }),
     'Bone was left out: the needle cut it as it cuts a layer of tissue. This device and tool cannot hold more.',
   );
+  assert.equal(
+    stiffnessShareText({ stiffness_share: 1, delay_stiffness_share: 0.758 }),
+    "Because the device's force comes late, what acts along the needle was rendered at 76 % of the profile's stiffness: the tissue's forces are the same, over a longer way.",
+  );
   // absent: all of it; others are not shares
   for (const stiffness_share of [undefined, null, 1, 0, -1, 2, 'NaN'])
     assert.equal(stiffnessShareText({ stiffness_share }), '');

@@ -7,7 +7,7 @@ width = 1000; height = 130 + 34*patients
 load 'style.gp'
 unset key
 set grid x
-set lmargin at screen 0.3
+set lmargin at screen 0.36
 set rmargin at screen 0.97
 set bmargin at screen 70.0/height
 set tmargin at screen 1 - 50.0/height

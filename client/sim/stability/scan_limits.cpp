@@ -67,10 +67,6 @@ struct Study {
   PlantOptions plant;
   NudgeOptions nudge;
   std::vector<double> rates_hz, delays;
-  // coarse encoders and dry friction
-  double rest_rate_hz = 0;
-  double rest_delay = 0;
-  std::vector<double> rest_encoder_steps_m, rest_frictions_N;
   [[nodiscard]] double damping() const {
     return plant.device.limits.damping_Ns_per_m + plant.device.hand.damping_Ns_per_m;
   }
@@ -84,10 +80,6 @@ Result<Study> readStudy(const CaseSettings& settings) {
   study.nudge = nudgeOptionsOf(entry);
   study.rates_hz = entry.numbers("rates_hz");
   study.delays = entry.numbers("delays_ticks");
-  study.rest_rate_hz = entry.number("rest.rate_hz", kMinRateHz, kMaxRateHz);
-  study.rest_delay = entry.number("rest.delay_ticks", 0, SimulatedDevice::kMaxDelayTicks);
-  study.rest_encoder_steps_m = entry.numbers("rest.encoder_steps_m");
-  study.rest_frictions_N = entry.numbers("rest.frictions_n");
   if (!entry.status().ok()) return entry.status().error();
   return study;
 }
@@ -122,34 +114,6 @@ Result<StiffnessLimitRow> limitAt(const Study& study, const ScannedModel& scene,
   return row;
 }
 
-// The paper's wall with a coarse encoder and dry friction: does the needle come to complete rest?
-Result<RestLimitRow> restLimit(const Study& study, double encoder_step_m, double friction_N) {
-  RestLimitRow row;
-  row.encoder_step_m = encoder_step_m;
-  row.dry_friction_N = friction_N;
-  const double period_s = 1 / study.rest_rate_hz;
-  row.theory_N_per_m = quantisedStiffnessLimit(study.damping(), period_s, friction_N, encoder_step_m);
-  row.bound_N_per_m = quantisedStiffnessLimit(study.damping(), period_s, friction_N, 0);
-  PlantOptions plant = study.plant;
-  plant.rate_hz = study.rest_rate_hz;
-  plant.device.delay_ticks = static_cast<std::uint32_t>(study.rest_delay);
-  plant.device.encoder_step_m = encoder_step_m;
-  plant.device.dry_friction_N = friction_N;
-  constexpr double kAtRest_m = 0.1e-6;  // a hundredth of an encoder step
-  const auto rests = [&](double stiffness) -> Result<bool> {
-    SceneSpec wall = study.wall;
-    wall.tracking_wall.stiffness_N_per_m = stiffness;
-    ASSIGN_OR_RETURN(const auto run, nudge(engineSource(), wall, stiffness, plant, study.nudge));
-    return run.outcome.finite && run.outcome.swing_end_m <= kAtRest_m;
-  };
-  ASSIGN_OR_RETURN(const auto found,
-                   largestStable(std::max(row.theory_N_per_m, kMinStiffness_N_per_m), kMinStiffness_N_per_m,
-                                 kMaxProfileStiffness_N_per_m, rests));
-  row.stiffness_N_per_m = found.stiffness_N_per_m;
-  row.at_cap = found.at_cap;
-  return row;
-}
-
 // Scans one model at all rates and delays. Rows found before a failure are kept.
 Status scanModel(const Study& study, AxialModel model, const std::function<void(double)>& tell,
                  StiffnessLimits& limits) {
@@ -172,7 +136,7 @@ double place(AxialModel model) {
 }
 
 nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array(), rest = rows;
+  auto rows = nlohmann::ordered_json::array();
   for (const StiffnessLimitRow& row : limits.rows)
     rows.push_back({{"model", axialModelName(row.model)},
                     {"rate_hz", row.rate_hz},
@@ -184,13 +148,7 @@ nlohmann::ordered_json jsonOf(const StiffnessLimits& limits) {
                     {"sampled_n_per_m", row.sampled_N_per_m},
                     {"passive_n_per_m", row.passive_N_per_m},
                     {"runs", row.runs}});
-  for (const RestLimitRow& row : limits.rest)
-    rest.push_back({{"encoder_step_m", row.encoder_step_m},
-                    {"dry_friction_n", row.dry_friction_N},
-                    {"stiffness_n_per_m", row.stiffness_N_per_m},
-                    {"at_cap", row.at_cap},
-                    {"theory_n_per_m", row.theory_N_per_m}});
-  return {{"rows", rows}, {"rest", rest}, {"notes", limits.notes}};
+  return {{"rows", rows}, {"notes", limits.notes}};
 }
 
 std::string limitsCsv(const StiffnessLimits& limits) {
@@ -205,21 +163,13 @@ std::string limitsCsv(const StiffnessLimits& limits) {
   return table.take();
 }
 
-std::string restCsv(const StiffnessLimits& limits) {
-  PlotTable table("encoder_step_m,dry_friction_n,stiffness_n_per_m,at_cap,theory_n_per_m");
-  for (const RestLimitRow& row : limits.rest)
-    table.row({row.encoder_step_m, row.dry_friction_N, row.stiffness_N_per_m, row.at_cap ? 1.0 : 0.0,
-               row.theory_N_per_m});
-  return table.take();
-}
-
 }  // namespace
 
 Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const StabilityProgress& progress) {
   ASSIGN_OR_RETURN(const auto study, readStudy(settings));
 
   StiffnessLimits limits;
-  constexpr double kParts = kAxialModelCount + 1;
+  constexpr double kParts = kAxialModelCount;
   for (std::size_t i = 0; i < kAxialModelCount; ++i) {
     const auto model = static_cast<AxialModel>(i);
     const auto tell = [&](double share) {
@@ -230,13 +180,6 @@ Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const 
     const Status done = scanModel(study, model, tell, limits);
     if (!done.ok()) limits.notes.push_back(std::string(axialModelName(model)) + ": " + done.error().message);
   }
-  for (const double step : study.rest_encoder_steps_m) {
-    if (progress) progress("largest stiffness that comes to rest", kAxialModelCount / kParts);
-    for (const double friction : study.rest_frictions_N) {
-      ASSIGN_OR_RETURN(const auto row, restLimit(study, step, friction));
-      limits.rest.push_back(row);
-    }
-  }
   return limits;
 }
 
@@ -245,21 +188,13 @@ Result<StiffnessLimits> drawStiffnessLimits(const std::filesystem::path& dir, co
   ASSIGN_OR_RETURN(auto limits, findStiffnessLimits(settings, progress));
   const std::string json = jsonOf(limits).dump(2) + "\n";
   RETURN_IF_ERROR(writeFileAtomically(dir / "stiffness_limits.json", viewOf(json)));
-  const bool draw = hasGnuplot();
-  // tables without rows get no picture
-  const auto table = [&](const std::string& name, const std::string& text, bool rows,
-                         std::vector<PlotVariable> variables) -> Status {
-    const auto csv = dir / (name + ".csv");
-    RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(text)));
-    if (!draw || !rows) return {};
-    variables.emplace_back("csv", csv.string());
-    return drawPlot(name, dir / (name + ".png"), variables);
-  };
-  RETURN_IF_ERROR(table("stiffness_limits", limitsCsv(limits), !limits.rows.empty(),
-                        {{"rows", static_cast<double>(limits.rows.size())}}));
-  RETURN_IF_ERROR(table("stiffness_rest", restCsv(limits), !limits.rest.empty(),
-                        {{"bound", limits.rest.empty() ? 0 : limits.rest.front().bound_N_per_m}}));
-  if (!draw) limits.notes.push_back("gnuplot is not on the PATH: tables only, no pictures");
+  const auto csv = dir / "stiffness_limits.csv";
+  RETURN_IF_ERROR(writeFileAtomically(csv, viewOf(limitsCsv(limits))));
+  if (!hasGnuplot())
+    limits.notes.push_back("gnuplot is not on the PATH: tables only, no pictures");
+  else if (!limits.rows.empty())  // tables without rows get no picture
+    RETURN_IF_ERROR(drawPlot("stiffness_limits", dir / "stiffness_limits.png",
+                             {{"rows", static_cast<double>(limits.rows.size())}, {"csv", csv.string()}}));
   return limits;
 }
 

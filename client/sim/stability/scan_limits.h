@@ -27,19 +27,8 @@ struct StiffnessLimitRow {
   int runs = 0;                  ///< number of closed-loop runs
 };
 
-/// For one dry friction and one encoder step: the largest stiffness at which the wall comes to complete rest.
-struct RestLimitRow {
-  double encoder_step_m = 0;
-  double dry_friction_N = 0;
-  double stiffness_N_per_m = 0;
-  bool at_cap = false;
-  double theory_N_per_m = 0;  ///< min(2b/T, 2f_c/Δ)
-  double bound_N_per_m = 0;   ///< 2b/T
-};
-
 struct StiffnessLimits {
   std::vector<StiffnessLimitRow> rows;
-  std::vector<RestLimitRow> rest;
   std::vector<std::string> notes;  ///< models that could not be scanned, and why
 };
 
@@ -50,8 +39,8 @@ using StabilityProgress = std::function<void(std::string_view doing, double shar
 /// on one core. Deterministic. Errors: kInvalidInput if the entry is invalid.
 Result<StiffnessLimits> findStiffnessLimits(const CaseSettings& settings, const StabilityProgress& progress);
 
-/// The same, written into the existing `dir`: stiffness_limits.csv, stiffness_rest.csv, both in
-/// stiffness_limits.json, and a .png of each if gnuplot is found.
+/// The same, written into the existing `dir`: stiffness_limits.csv and .json, and a .png if gnuplot is
+/// found.
 Result<StiffnessLimits> drawStiffnessLimits(const std::filesystem::path& dir, const CaseSettings& settings,
                                             const StabilityProgress& progress);
 

@@ -38,8 +38,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kHandDamping_Ns_per_m = 3;  // of an ordinary grip (tests/stability/README.md)
-
 void putPose(google::protobuf::RepeatedField<double>& to, const Pose& pose) {
   for (const double value : {pose.p.x, pose.p.y, pose.p.z, pose.q.x, pose.q.y, pose.q.z, pose.q.w})
     to.Add(value);
@@ -126,9 +124,6 @@ Status StationRun::measureEffects() {
 
 Status StationRun::openDevice() {
   RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
-  const double hand = options_.device == "simulated" ? options_.hand.damping_Ns_per_m : kHandDamping_Ns_per_m;
-  if (const auto warning = stabilityWarning(lesson_.model, device_->info(), delay_, hand))
-    logMessage(*warning);
   RETURN_IF_ERROR(device_->open(options_.rate_hz));
 
   time_limit_s_ = options_.seconds;
@@ -158,7 +153,8 @@ Status StationRun::openSession() {
   d.set_axial_model(std::string(axialModelName(lesson_.model.axial_model)));
   for (const std::string& effect : liveEffects(lesson_.model)) d.add_live_effects(effect);
   for (const std::string& note : device_notes_) d.add_device_notes(note);
-  if (lesson_.stiffness_share < 1) d.set_stiffness_share(lesson_.stiffness_share);
+  if (lesson_.shares.lever < 1) d.set_stiffness_share(lesson_.shares.lever);
+  if (lesson_.shares.delay < 1) d.set_delay_stiffness_share(lesson_.shares.delay);
   if (!(options_.X_WL == Pose{})) putPose(*d.mutable_placement(), options_.X_WL);
   if (!(options_.X_HT == Pose{})) putPose(*d.mutable_tool(), options_.X_HT);
   ASSIGN_OR_RETURN(session_, home_.spool().create(d));
@@ -356,7 +352,7 @@ StationSummary StationRun::summarise() {
   s.black_box = black_box_;
   s.device_notes = device_notes_;
   s.alarms = alarms_.counts();
-  s.stiffness_share = lesson_.stiffness_share;
+  s.shares = lesson_.shares;
   s.left_out = lesson_.left_out;
   s.spool = options_.spool.string();
   if (stopped_) s.stopped = *stopped_;

@@ -267,7 +267,8 @@ Json rowOf(const StationSummary& s) {
   row["faults"] = faultsOf(s);
   row["fault_count"] = s.servo.faults;
   row["device_notes"] = s.device_notes;
-  row["stiffness_share"] = s.stiffness_share;
+  row["stiffness_share"] = s.shares.lever;
+  row["delay_stiffness_share"] = s.shares.delay;
   row["first_fault"] = s.servo.faults == 0 ? Json(nullptr) : Json(faultText(s.servo.first_fault));
   row["fault_ticks"] = s.servo.fault_ticks;
   row["late_wakeups"] = s.servo.late_wakeups;
@@ -417,7 +418,7 @@ std::string summaryText(const StationSummary& s) {
                         alarm.begun > 1 ? fmt::format(", {} times", alarm.begun) : "");
   text += syringeLines(s);
   if (s.miss) text += "target       " + missText(*s.miss) + " " + missDirectionText(*s.miss) + "\n";
-  if (const std::string lowered = stiffnessShareText(s.stiffness_share, s.left_out); !lowered.empty())
+  if (const std::string lowered = stiffnessShareText(s.shares, s.left_out); !lowered.empty())
     text += "stiffness    " + lowered + "\n";
   text += "score        " + scoreText(s);
   if (text.back() != '\n') text += '\n';

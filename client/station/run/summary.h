@@ -14,6 +14,7 @@
 #include "client/station/run/loop/black_box.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/servo_loop.h"
+#include "common/haptics/gate/handle_stiffness.h"
 #include "common/scoring/alarms/alarms.h"
 #include "common/scoring/targets/miss.h"
 
@@ -36,7 +37,7 @@ struct StationSummary {
   std::vector<std::string> live_effects;
   std::vector<std::string> device_notes;  ///< the device's limits, and the substitutes for them
   std::vector<AlarmCount> alarms;         ///< of the gesture
-  double stiffness_share = 1;             ///< as in SessionDescription
+  StiffnessShares shares;                 ///< as in SessionDescription
   EffectMask left_out = 0;                ///< as in StationLesson
   std::optional<EffectCosts>
       effect_costs;  ///< of the live effects, measured before the loop; none if the measurement failed

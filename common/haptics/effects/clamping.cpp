@@ -56,12 +56,12 @@ constinit const EffectEntry kClampingEntry = {
     .acts_with = ActsWith::kBoth,
     .on_device = {.words = "fixture",
                   .across_N_per_m =
-                      [](const SceneSpec& spec) { return fixtureSteepness(spec).across_N_per_m; },
-                  .lower =
-                      [](SceneSpec& spec, double share) {
-                        for (LayerSpec& layer : spec.layers) layer.lateral_stiffness_N_per_m2 *= share;
-                        spec.virtual_fixture.max_stiffness_N_per_m *= share;
-                        spec.virtual_fixture.max_force_N *= share;
-                      }}};
+                      [](const SceneSpec& spec) { return fixtureSteepness(spec).across_N_per_m; }},
+    .lower =
+        [](SceneSpec& spec, double share) {
+          for (LayerSpec& layer : spec.layers) layer.lateral_stiffness_N_per_m2 *= share;
+          spec.virtual_fixture.max_stiffness_N_per_m *= share;
+          spec.virtual_fixture.max_force_N *= share;
+        }};
 
 }  // namespace needlelab

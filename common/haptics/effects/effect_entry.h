@@ -47,8 +47,6 @@ struct OnDevice {
   double (*across_N_per_m)(const SceneSpec&) = nullptr;
   /// The greatest stiffness of its torque; null: it has none. A device needs torque and orientation for it.
   double (*turning_Nm_per_rad)(const SceneSpec&) = nullptr;
-  /// Lowers its stiffnesses to a share; null: it is never lowered.
-  void (*lower)(SceneSpec&, double share) = nullptr;
   /// What the needle does, and did, without it: a device that cannot hold it renders the scene without it.
   /// Empty: then the lesson is refused.
   std::string_view without = {}, was_without = {};
@@ -100,6 +98,10 @@ struct EffectEntry {
   /// What the author of a scene that lists it should know, to follow "… is listed, "; empty or null: nothing.
   std::string (*remark)(const SceneSpec&) = nullptr;
   OnDevice on_device = {};
+  /// Lowers its stiffnesses to a share, not the forces that it cuts, rubs or gives way at; null: it has none.
+  /// Tool and device bound what is across the needle or turns it (on_device), a late loop all that act at
+  /// once.
+  void (*lower)(SceneSpec&, double share) = nullptr;
 
   // for scenes in which it is live
   StageFunction stage = nullptr;  ///< null: it has a place in the tick, or ticks of its own

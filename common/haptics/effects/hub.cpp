@@ -54,6 +54,7 @@ constinit const EffectEntry kHubEntry = {
         },
     .stiffness_N_per_m = hubStiffness_N_per_m,
     // when the hub is on the skin, the membranes are behind the tip and the fixture's push no longer grows
-    .acts_with = ActsWith::kCutTissue};
+    .acts_with = ActsWith::kCutTissue,
+    .lower = [](SceneSpec& spec, double share) { stiffnessOf(spec) *= share; }};
 
 }  // namespace needlelab

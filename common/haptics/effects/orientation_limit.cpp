@@ -97,8 +97,7 @@ constinit const EffectEntry kOrientationLimitEntry = {
                       [](const SceneSpec& spec) {
                         const OrientationLimitSpec& limit = spec.orientation_limit;
                         return limit.max_torque_Nm > 0 ? limit.stiffness_Nm_per_rad : 0.0;
-                      },
-                  .lower = [](SceneSpec& spec,
-                              double share) { spec.orientation_limit.stiffness_Nm_per_rad *= share; }}};
+                      }},
+    .lower = [](SceneSpec& spec, double share) { spec.orientation_limit.stiffness_Nm_per_rad *= share; }};
 
 }  // namespace needlelab

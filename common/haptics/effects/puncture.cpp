@@ -44,6 +44,15 @@ constinit const EffectEntry kPunctureEntry = {
                              [](const LayerSpec& layer) { return layer.membrane.has_value(); });
         },
     .stiffness_N_per_m = steepestMembrane,
-    .acts_with = ActsWith::kHeldTissue};
+    .acts_with = ActsWith::kHeldTissue,
+    // k1·z + k2·z²: the same force at z/share
+    .lower =
+        [](SceneSpec& spec, double share) {
+          for (LayerSpec& layer : spec.layers) {
+            if (!layer.membrane) continue;
+            layer.membrane->linear_N_per_m *= share;
+            layer.membrane->quadratic_N_per_m2 *= share * share;
+          }
+        }};
 
 }  // namespace needlelab

@@ -36,6 +36,7 @@ constinit const EffectEntry kShaftFrictionEntry = {
           return std::any_of(spec.layers.begin(), spec.layers.end(),
                              [](const LayerSpec& layer) { return layer.friction_N_per_m > 0; });
         },
-    .stiffness_N_per_m = [](const SceneModel& model) { return model.friction_stiffness_N_per_m; }};
+    .stiffness_N_per_m = [](const SceneModel& model) { return model.friction_stiffness_N_per_m; },
+    .lower = [](SceneSpec& spec, double share) { spec.friction_stiffness_N_per_m *= share; }};
 
 }  // namespace needlelab

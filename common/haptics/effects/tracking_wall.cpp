@@ -18,7 +18,14 @@ constinit const EffectEntry kCuttingEntry = {
     .place = 0,
     .value = [](const StepReport& report) { return report.cutting_N; },
     .checkLayer = [](const LayerSpec& layer,
-                     SpecChecker& check) { check.number("cutting_force_n", layer.cutting_force_N, kForce); }};
+                     SpecChecker& check) { check.number("cutting_force_n", layer.cutting_force_N, kForce); },
+    // of a model with a tracking wall
+    .lower =
+        [](SceneSpec& spec, double share) {
+          spec.tracking_wall.stiffness_N_per_m *= share;
+          for (LayerSpec& layer : spec.layers)
+            if (layer.wall_stiffness_N_per_m) *layer.wall_stiffness_N_per_m *= share;
+        }};
 
 extern const EffectEntry kAttractedEntry;
 constinit const EffectEntry kAttractedEntry = {

@@ -1,5 +1,6 @@
 /// Converts the stiffnesses at the needle's tip to the handle, at the end of the tool's lever, and computes
-/// how much of them a device can hold (FORCE_MODEL.md, "Device limits").
+/// how much of a scene's stiffness a device can hold with it, and behind its delay (FORCE_MODEL.md, "Device
+/// limits").
 #pragma once
 
 #include <string>
@@ -34,10 +35,25 @@ inline constexpr double kMinStiffnessShare = 0.5;
 double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const DeviceLimits& limits,
                           const Pose& X_HT);
 
-/// Lowers these effects to `share`, in (0, 1].
-void lowerStiffness(SceneSpec& spec, double share);
+/// The damping of the lightest grip: what a hand adds to the device's own.
+inline constexpr double kLightestGrip_Ns_per_m = 0.9;
 
-/// A text for people, shown beside a score; empty if `share` is 1 and no effect was left out.
-std::string stiffnessShareText(double share, EffectMask left_out);
+/// The greatest stiffness along the needle that is stable in this grip or a firmer one: (b + 0.9 N·s/m)/(T (½
+/// + D)), coupled stability (FORCE_MODEL.md, "Stiffnesses"). `damping_Ns_per_m`: b, of the device.
+/// `delay_ticks`: D, from a reading to its force, a lag included.
+double stableInLightestGrip_N_per_m(double damping_Ns_per_m, double rate_hz, double delay_ticks);
+
+/// What of a scene's stiffness is rendered, each in (0, 1].
+struct StiffnessShares {
+  double lever = 1;  ///< of what acts across the needle or turns it (heldStiffnessShare)
+  double delay =
+      1;  ///< of what acts at once along the needle: its cutting, friction's and rupture forces stay
+};
+
+/// Lowers each effect to the lesser of the shares that it has.
+void lowerStiffness(SceneSpec& spec, const StiffnessShares& shares);
+
+/// A text for people, shown beside a score; empty if both shares are 1 and no effect was left out.
+std::string stiffnessShareText(const StiffnessShares& shares, EffectMask left_out);
 
 }  // namespace needlelab

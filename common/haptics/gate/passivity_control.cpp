@@ -16,6 +16,8 @@ constexpr double kHorizonTicks = 4;
 constexpr double kSmallPower_W = 1e-3;
 constexpr double kMinReserve_J = 1e-6;
 constexpr double kShareStep = 0.1;  // greatest rise of the share in a tick
+// the speed is the mean over so long, or over all kept poses: at low rates these would tell a turn too late
+constexpr double kSpeedWindow_s = 7e-3;
 
 // rotation vector of a small turn, in W
 Vec3 turnBetween(Quat from, Quat to) {
@@ -84,6 +86,7 @@ PassivityControl::PassivityControl(const PassivitySettings& settings, double rat
     left_ = detExp(-ticks);
     mean_left_ = (1 - left_) / ticks;
   }
+  speed_ticks_ = static_cast<std::uint32_t>(std::max(1.0, std::min(kSpeedWindow_s * rate_hz, 7.0)));
   state_.level_J = settings_.reserve_J;
   assert(left_ >= 0 && left_ <= 1 && mean_left_ >= 0);
   assert(settings_.reserve_J <= settings_.capacity_J);
@@ -91,7 +94,7 @@ PassivityControl::PassivityControl(const PassivitySettings& settings, double rat
 
 // Accounts for the wrenches that acted since the newest pose. If that pose is several ticks old, it is
 // unknown in which tick the handle moved, and the worst case counts.
-void PassivityControl::observe(const Pose& X_WH) noexcept {
+void PassivityControl::observe(const Pose& X_WH, double held_J) noexcept {
   constexpr std::size_t kPoses = PassivityState::kPoses, kWrenches = PassivityState::kWrenches;
   assert(isFinite(X_WH.p) && isFinite(X_WH.q) && "the gate admitted it");
   assert(state_.next_pose < kPoses && state_.known_poses <= kPoses && state_.next_wrench < kWrenches);
@@ -114,7 +117,8 @@ void PassivityControl::observe(const Pose& X_WH) noexcept {
     // after a gap the window for speed and damping restarts; damping counts only while the window is complete
     const bool is_whole = ticks == 1 && state_.known_poses == kPoses;
     if (ticks > 1) state_.known_poses = 0;
-    state_.level_J = std::min(settings_.capacity_J, state_.level_J - given_J + (is_whole ? lost_J : 0));
+    state_.level_J =
+        std::min(settings_.capacity_J + held_J, state_.level_J - given_J + (is_whole ? lost_J : 0));
   }
   state_.poses[state_.next_pose] = X_WH;
   state_.next_pose = (state_.next_pose + 1) % kPoses;
@@ -135,27 +139,46 @@ Wrench PassivityControl::underWay() const noexcept {
   return sum;
 }
 
-double PassivityControl::wantedShare(const Wrench& wanted) const noexcept {
+PassivityControl::Wish PassivityControl::wish(const Wrench& wanted) const noexcept {
   constexpr std::size_t kPoses = PassivityState::kPoses;
-  if (state_.known_poses < 2) return state_.share;
+  if (state_.known_poses < 2) return {state_.share, 0, 0};
+  const std::uint32_t ticks = std::min(state_.known_poses - 1, speed_ticks_);
+  const double over_s = ticks * period_s_;
   const Pose& newest = state_.poses[(state_.next_pose + kPoses - 1) % kPoses];
-  const Pose& oldest = state_.poses[(state_.next_pose + kPoses - state_.known_poses) % kPoses];
-  const double power_W =
-      workOf(wanted, oldest, newest) / (static_cast<double>(state_.known_poses - 1) * period_s_);
+  const Pose& oldest = state_.poses[(state_.next_pose + kPoses - 1 - ticks) % kPoses];
+  const double power_W = workOf(wanted, oldest, newest) / over_s;
   const double debt = debtOf(state_, settings_.reserve_J);
   const double gives = std::clamp(power_W / kSmallPower_W + debt, 0.0, 1.0);
-  if (gives <= 0) return 1;
+  if (gives <= 0) return {1, power_W, 0};
   // wrenches under way will act regardless of what is rendered now, so they are paid first
-  const double under_way_J =
-      workOf(underWay(), oldest, newest) / (static_cast<double>(state_.known_poses - 1) * period_s_);
-  const double level_J = std::max(0.0, state_.level_J - std::max(0.0, under_way_J));
-  const double affordable = power_W > 0 ? std::min(1.0, level_J / (power_W * horizon_s_))
+  const double under_way_J = workOf(underWay(), oldest, newest) / over_s;
+  const double free_J = std::max(0.0, state_.level_J - std::max(0.0, under_way_J));
+  // early enough for a fall by kMostStep_N a tick
+  const double fall_s = (0.5 * norm(wanted.force_N) / kMostStep_N + 1 - kHorizonTicks) * period_s_;
+  const double horizon_s = horizon_s_ + std::max(0.0, fall_s);
+  const double affordable = power_W > 0 ? std::min(1.0, free_J / (power_W * horizon_s))
                             : debt > 0  ? 0.0
                                         : 1.0;
-  return 1 - gives * (1 - affordable);
+  return {1 - gives * (1 - affordable), power_W, free_J};
 }
 
-Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wanted,
+// The share moves toward the wish. While it falls by `step` a tick from s to w, the wrench gives
+// P·T·(s − w)²/(2·step) more than if it fell at once: it falls faster where the tank has less.
+double PassivityControl::nextShare(const Wrench& wanted) const noexcept {
+  const Wish to = wish(wanted);
+  const double size_N = norm(wanted.force_N);
+  const double most = size_N > kMostStep_N ? kMostStep_N / size_N : 1.0;
+  const double way = to.share - state_.share;
+  if (way >= 0) {
+    const double rise = kShareStep * (1 - 0.9 * debtOf(state_, settings_.reserve_J));
+    return state_.share + std::min({way, rise, most});
+  }
+  const double cost_J = std::max(0.0, to.power_W) * period_s_ * way * way / 2;
+  const double step = cost_J <= most * to.free_J ? most : to.free_J > 0 ? cost_J / to.free_J : 1.0;
+  return state_.share - std::min(-way, step);
+}
+
+Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wanted, double held_J,
                                  std::int64_t elapsed_ticks) noexcept {
   // the device kept rendering the last wrench while the loop missed ticks
   const auto missed = std::clamp<std::int64_t>(elapsed_ticks - 1, 0, PassivityState::kWrenches);
@@ -165,12 +188,11 @@ Wrench PassivityControl::limited(const Pose& X_WH, bool fresh, const Wrench& wan
   if (fresh && isFinite(wanted.force_N) && isFinite(wanted.torque_Nm)) {
     // without a force no spring is loaded: energy that the tissue took earlier expires, and so does any debt
     if (wanted == Wrench{}) state_.level_J = settings_.reserve_J;
-    observe(X_WH);
-    const double next = wantedShare(wanted);
-    const double rise = kShareStep * (1 - 0.9 * debtOf(state_, settings_.reserve_J));
-    state_.share = std::min(next, state_.share + rise);
-    assert(!(state_.share < 0) && !(state_.share > 1));
-    assert(!(state_.level_J > settings_.capacity_J));
+    assert(!(held_J < 0));
+    observe(X_WH, held_J);
+    state_.share = nextShare(wanted);
+    assert(!(state_.share < 0) && !(state_.share > 1 + 1e-12));
+    assert(!(state_.level_J > settings_.capacity_J + held_J));
   }
   return {wanted.force_N * state_.share, wanted.torque_Nm * state_.share};
 }

@@ -18,9 +18,10 @@ struct PassivitySettings {
   /// Damping of the device alone, which always loses energy. Underestimating it is safe; 0: not counted.
   double damping_Ns_per_m = 0, rotational_damping_Nms_per_rad = 0;
   double reserve_J = 20e-6;  ///< free energy in the tank at the beginning and while no wrench is wanted
-  /// The tank's capacity; energy that tissue took beyond it is lost. It is about what springs hold: 10 N at
-  /// 500 N/m are 0.1 J, an orientation limit of 0.2 N·m turned by a right angle is 0.3 J.
-  double capacity_J = 0.5;
+  /// The tank's capacity beyond what the springs hold; energy that tissue took beyond both is lost. It pays
+  /// for what a benign loop gives behind its delay, and is all that a bad one can give after a long
+  /// insertion.
+  double capacity_J = 5e-3;
   static constexpr std::uint32_t kMaxDelay = 15;
 };
 
@@ -49,20 +50,23 @@ std::uint64_t hashOf(const PassivityState& state);
 /// It counts what the gate let through, so a force that fades in or is derated counts as rendered. Behind a
 /// first-order lag, a wrench that is held for a tick counts with its exact mean over the tick.
 /// The controller reduces a wrench that gives energy, so that the tank empties no faster than exponentially
-/// over a few ticks. A sudden turn may overdraw the tank; until that debt is paid, only a wrench that takes
-/// energy is rendered. This dissipator is never stronger than the force itself and never pushes on its own.
+/// over a few ticks. It changes a force by at most kMostStep_N a tick, as long as the tank pays for that. A
+/// sudden turn may overdraw the tank; until that debt is paid, only a wrench that takes energy is rendered.
+/// This dissipator is never stronger than the force itself and never pushes on its own.
 ///
 /// Thread: the haptic thread only. Real-time safe: no heap, lock, clock or exception. Same inputs, same bits.
 class PassivityControl {
  public:
+  static constexpr double kMostStep_N = 0.3;
+
   /// `rate_hz` > 0. A delay above kMaxDelay counts as kMaxDelay, negative numbers as 0.
   PassivityControl(const PassivitySettings& settings, double rate_hz) noexcept;
 
   /// Returns the wrench to hand to the gate. Call once per tick: with `fresh`, the handle's pose `X_WH` of
-  /// this tick (finite, unit quaternion) and the wrench at the handle that the engine wants; without it,
-  /// nothing is observed, and `wanted` is returned with the last tick's share. `elapsed_ticks`: as for
-  /// ForceGate::admit.
-  [[nodiscard]] Wrench limited(const Pose& X_WH, bool fresh, const Wrench& wanted,
+  /// this tick (finite, unit quaternion), the wrench at the handle that the engine wants, and what the
+  /// springs behind it hold (heldEnergy_J); without it, nothing is observed, and `wanted` is returned with
+  /// the last tick's share. `elapsed_ticks`: as for ForceGate::admit.
+  [[nodiscard]] Wrench limited(const Pose& X_WH, bool fresh, const Wrench& wanted, double held_J,
                                std::int64_t elapsed_ticks = 1) noexcept;
   /// Call after the gate, with this tick's wrench for the device.
   void rendered(const Wrench& at_handle_W) noexcept;
@@ -70,12 +74,18 @@ class PassivityControl {
   [[nodiscard]] const PassivityState& state() const noexcept { return state_; }
 
  private:
-  void observe(const Pose& X_WH) noexcept;
+  struct Wish {
+    double share;            // of the wrench, that empties the tank no faster than exponentially
+    double power_W, free_J;  // of all of it; in the tank, less what is under way
+  };
+  void observe(const Pose& X_WH, double held_J) noexcept;
   [[nodiscard]] Wrench underWay() const noexcept;
-  [[nodiscard]] double wantedShare(const Wrench& wanted) const noexcept;
+  [[nodiscard]] Wish wish(const Wrench& wanted) const noexcept;
+  [[nodiscard]] double nextShare(const Wrench& wanted) const noexcept;
 
   PassivitySettings settings_;
   double period_s_, horizon_s_;
+  std::uint32_t speed_ticks_ = 1;
   double left_ = 0, mean_left_ = 0;  // share of a wrench step not yet acting behind the lag: at the tick's
                                      // end, and its mean over the tick
   PassivityState state_;

@@ -10,6 +10,7 @@
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/det_math.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/effects/puncture.h"
 #include "common/haptics/effects/tracking_wall.h"
 #include "common/haptics/effects/trajectory.h"
 #include "common/haptics/scene_model.h"
@@ -285,6 +286,32 @@ AlongStiffness alongStiffness(const SceneModel& model) {
 
 double SceneModel::axialStiffness_N_per_m() const {
   return alongStiffness(*this).atOnce();
+}
+
+double heldEnergy_J(const SceneModel& model, const SimState& state, const StepReport& report) noexcept {
+  const auto spring_J = [](double force, double stiffness) {
+    return stiffness > 0 ? 0.5 * force * force / stiffness : 0.0;
+  };
+  const double tissue_N = report.cutting_N + report.attracted_N;
+  double held_J = spring_J(tissue_N, model.axial_stiffness_N_per_m);
+  for (const EffectEntry* entry : effectEntries()) {
+    if (entry->stiffness_N_per_m == nullptr || entry->effect == Effect::kClamping) continue;
+    if (model.isLive(entry->effect))
+      held_J += spring_J(entry->value(report), entry->stiffness_N_per_m(model));
+  }
+  if (state.inside) {
+    const double felt_m = dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m) - state.bone.held_m;
+    const double membrane_m = std::max(0.0, felt_m - cuttingPosition(state, felt_m));
+    held_J += std::fabs(tissue_N + report.friction_N) * (membrane_m + state.bone.held_m) +
+              std::fabs(report.puncture_N) * state.bone.held_m;
+  }
+  // f·e − f²/(2k), also where f is at its greatest
+  const double fixture_J = report.clamping_N * report.lateral_error_m -
+                           spring_J(report.clamping_N, report.clamping_stiffness_N_per_m);
+  const double torque_Nm = norm(report.wrench_W.torque_Nm);
+  const bool is_greatest = torque_Nm > 0.999 * model.orientation.max_torque_Nm;
+  return held_J + std::max(0.0, fixture_J) +
+         (is_greatest ? torque_Nm * kPi / 2 : spring_J(torque_Nm, model.orientation.stiffness_Nm_per_rad));
 }
 
 }  // namespace needlelab

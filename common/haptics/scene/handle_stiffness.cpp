@@ -24,14 +24,19 @@ Lever leverOf(const Pose& X_HT) {
   return {along_m2, std::max(0.0, normSquared(X_HT.p) - along_m2)};
 }
 
-// the effects that a station lowers, those across the needle before those that turn it: "fixture, bone and
-// orientation limit"
+// what tool and device bound
+bool isOnLever(const EffectEntry& entry) {
+  return entry.on_device.across_N_per_m != nullptr || entry.on_device.turning_Nm_per_rad != nullptr;
+}
+
+// the effects that a station lowers for them, those across the needle before those that turn it: "fixture,
+// bone and orientation limit"
 std::string loweredWords(EffectMask left_out) {
   std::vector<std::string_view> words;
   for (const bool turning : {false, true})
     for (const EffectEntry* entry : effectEntries()) {
       const OnDevice& on_device = entry->on_device;
-      if (on_device.lower != nullptr && (on_device.turning_Nm_per_rad != nullptr) == turning &&
+      if (isOnLever(*entry) && (on_device.turning_Nm_per_rad != nullptr) == turning &&
           (left_out & bitOf(entry->effect)) == 0)
         words.push_back(on_device.words);
     }
@@ -86,23 +91,36 @@ double heldStiffnessShare(const SceneSpec& spec, double axial_N_per_m, const Dev
                    shareWithin(turn, most - walls_Nm_per_rad)});
 }
 
-void lowerStiffness(SceneSpec& spec, double share) {
-  assert(share >= 0);
-  if (share >= 1) return;
-  for (const EffectEntry* entry : effectEntries())
-    if (entry->on_device.lower != nullptr) entry->on_device.lower(spec, share);
+double stableInLightestGrip_N_per_m(double damping_Ns_per_m, double rate_hz, double delay_ticks) {
+  return (damping_Ns_per_m + kLightestGrip_Ns_per_m) * rate_hz / (0.5 + delay_ticks);
 }
 
-std::string stiffnessShareText(double share, EffectMask left_out) {
+void lowerStiffness(SceneSpec& spec, const StiffnessShares& shares) {
+  for (const EffectEntry* entry : effectEntries()) {
+    if (entry->lower == nullptr) continue;
+    const bool turns = entry->on_device.turning_Nm_per_rad != nullptr;
+    const double share = std::min(isOnLever(*entry) ? shares.lever : 1.0, turns ? 1.0 : shares.delay);
+    assert(share > 0);
+    if (share < 1) entry->lower(spec, share);
+  }
+}
+
+std::string stiffnessShareText(const StiffnessShares& shares, EffectMask left_out) {
   std::string text;
   for (const EffectEntry* entry : effectEntries())
     if ((left_out & bitOf(entry->effect)) != 0)
       text += fmt::format("{} was left out: {}. ", atStart(std::string(entry->on_device.words)),
                           entry->on_device.was_without);
-  if (share < 1)
+  if (shares.lever < 1)
     text += fmt::format("{} were rendered at {:.0f} % of the profile's stiffness. ",
-                        atStart(loweredWords(left_out)), 100 * share);
-  return text.empty() ? text : text + "This device and tool cannot hold more.";
+                        atStart(loweredWords(left_out)), 100 * shares.lever);
+  if (!text.empty()) text += "This device and tool cannot hold more.";
+  if (shares.delay < 1)
+    text += fmt::format(
+        "{}Because the device's force comes late, what acts along the needle was rendered at {:.0f} % of the "
+        "profile's stiffness: the tissue's forces are the same, over a longer way.",
+        text.empty() ? "" : " ", 100 * shares.delay);
+  return text;
 }
 
 }  // namespace needlelab

@@ -157,12 +157,10 @@ constinit const EffectEntry kBoneEntry = {
                       [](const SceneSpec& spec) {
                         return hasBone(spec) ? spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] : 0.0;
                       },
-                  .lower =
-                      [](SceneSpec& spec, double share) {
-                        spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] *= share;
-                      },
                   .without = "the needle cuts bone as it cuts a layer of tissue",
                   .was_without = "the needle cut it as it cuts a layer of tissue"},
+    .lower = [](SceneSpec& spec,
+                double share) { spec.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m] *= share; },
     .stage = pressBone<BoneLayer>,
     .closes = isBone,
     .compile = compileBone,

@@ -260,13 +260,13 @@ constinit const EffectEntry kPalpationEntry = {
     .acts_with = ActsWith::kNothing,
     .on_device = {.words = "palpation",
                   .across_N_per_m = addedAcross,
-                  .lower =
-                      [](SceneSpec& spec, double share) {
-                        spec.stage_numbers[kPalpationOwn][kPalpationSkin_N_per_m] *= share;
-                        spec.stage_numbers[kPalpationOwn][kPalpationBone_N_per_m] *= share;
-                      },
                   .without = "the needle has no cap",
                   .was_without = "the needle had no cap"},
+    .lower =
+        [](SceneSpec& spec, double share) {
+          spec.stage_numbers[kPalpationOwn][kPalpationSkin_N_per_m] *= share;
+          spec.stage_numbers[kPalpationOwn][kPalpationBone_N_per_m] *= share;
+        },
     .compile = compilePalpation,
     .hashLasting = hashPalpation};
 

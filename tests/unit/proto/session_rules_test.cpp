@@ -55,6 +55,7 @@ TEST(SessionRules, everyBadFieldIsNamed) {
       {"resolution.length_m", [](auto& d) { d.mutable_resolution()->set_length_m(-1); }},
       {"stiffness_share", [](auto& d) { d.set_stiffness_share(0); }},
       {"stiffness_share", [](auto& d) { d.set_stiffness_share(1.01); }},
+      {"delay_stiffness_share", [](auto& d) { d.set_delay_stiffness_share(1.01); }},
       {"stiffness_share", [](auto& d) { d.set_stiffness_share(std::nan("")); }},
       {"resolution.time_s", [](auto& d) { d.mutable_resolution()->set_time_s(std::nan("")); }},
   };

@@ -7,7 +7,6 @@
 
 #include "common/base/text/uuid.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/gate/handle_stiffness.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
 
@@ -24,9 +23,9 @@ Result<Pose> placementOf(const pb::SessionDescription& description) {
   return Pose{{numbers[0], numbers[1], numbers[2]}, normalized(q)};
 }
 
-double stiffnessShareOf(const pb::SessionDescription& description) {
-  const double share = description.has_stiffness_share() ? description.stiffness_share() : 1;
-  return share > 0 && share < 1 ? share : 1;
+StiffnessShares stiffnessSharesOf(const pb::SessionDescription& description) {
+  const auto within = [](double share) { return share > 0 && share < 1 ? share : 1; };  // absent: 0
+  return {within(description.stiffness_share()), within(description.delay_stiffness_share())};
 }
 
 EffectMask leftOut(const pb::SessionDescription& description, const pb::Profile& profile) {
@@ -45,7 +44,7 @@ EffectMask leftOut(const pb::SessionDescription& description, const pb::Profile&
 
 void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec) {
   spec.effects &= ~leftOut(description, profile);
-  lowerStiffness(spec, stiffnessShareOf(description));
+  lowerStiffness(spec, stiffnessSharesOf(description));
 }
 
 std::string sessionIdText(const std::string& bytes) {

@@ -9,6 +9,7 @@
 #include "client/view/model/scene_view.h"
 #include "common/base/result.h"
 #include "common/haptics/engine.h"
+#include "common/haptics/gate/handle_stiffness.h"
 #include "needlelab/profile.pb.h"
 #include "needlelab/types.pb.h"
 
@@ -36,9 +37,9 @@ GestureTrace traceOf(const SessionScene& scene, double span_s, double ticks_per_
 /// numbers.
 Result<Pose> placementOf(const pb::SessionDescription& description);
 
-/// Returns the share of the profile's lateral stiffness that the session was rendered with; 1 if the
-/// description has none or it is outside (0, 1].
-double stiffnessShareOf(const pb::SessionDescription& description);
+/// Returns the shares of the profile's stiffness that the session was rendered with; 1 where the description
+/// has none or it is outside (0, 1].
+StiffnessShares stiffnessSharesOf(const pb::SessionDescription& description);
 
 /// Returns the profile's effects that the station omitted because its device and tool cannot hold them
 /// (BONE). None if the description has no list of live effects.

@@ -176,7 +176,7 @@ std::string headOf(const ReportData& data) {
   std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
                     "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
-  if (const auto lowered = stiffnessShareText(stiffnessShareOf(d), leftOut(d, gesture.scene.profile));
+  if (const auto lowered = stiffnessShareText(stiffnessSharesOf(d), leftOut(d, gesture.scene.profile));
       !lowered.empty())
     out += "<p>" + htmlText(lowered) + "</p>\n";
   if (const auto miss = missOf(gesture.samples, gesture.events, gesture.scene.profile, gesture.scene.X_WL))

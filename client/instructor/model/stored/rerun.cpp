@@ -49,6 +49,7 @@ Result<pb::SessionDescription> chosen(const StoredGesture& gesture, const RerunC
     description.set_profile_json(choice.profile_json);
     // stiffness and effects were limited for the session's own profile
     description.clear_stiffness_share();
+    description.clear_delay_stiffness_share();
     description.clear_live_effects();
   }
   ASSIGN_OR_RETURN(auto profile, parseProfile(description.profile_json(), "the profile of the re-run"));

@@ -35,9 +35,10 @@ struct Rerun {
 };
 
 /// Gives the same result, bit for bit, as `needlelab-sim run` with the same poses and profile; recorded poses
-/// are rounded to the session's resolution. The session's own profile keeps the session's `stiffness_share`;
-/// another profile has its full stiffness. `each` receives every tick's report. Thinned recordings run at
-/// their own rate; `sentences` say so. Errors: kInvalidInput (profile, model, placement), kFailed (`stop`).
+/// are rounded to the session's resolution. The session's own profile keeps the session's shares of
+/// stiffness; another profile has its full stiffness. `each` receives every tick's report. Thinned recordings
+/// run at their own rate; `sentences` say so. Errors: kInvalidInput (profile, model, placement), kFailed
+/// (`stop`).
 Result<Rerun> rerunGesture(const StoredGesture& gesture, const RerunChoice& choice,
                            const ScenePreparer& prepare = {}, const std::function<bool()>& stop = {},
                            const std::function<void(const StepReport&)>& each = {});

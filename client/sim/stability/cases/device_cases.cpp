@@ -185,54 +185,6 @@ Status quaternionSign(Trial& t) {
   return {};
 }
 
-constexpr std::int64_t kWatchdogTicks = 20, kFallTicks = 20, kRiseTicks = 200;
-
-// FORCE_MODEL.md, "Gate", for a loop that stood still: no change up to the watchdog's limit; beyond it the
-// share of the force falls within 20 ms and rises within 200 ms.
-double shareAfter(std::int64_t stood_still, std::size_t ticks_since) {
-  if (stood_still <= kWatchdogTicks) return 1;
-  const auto since = static_cast<std::int64_t>(ticks_since) + 1;
-  if (since <= kFallTicks) return 1 - static_cast<double>(since) / kFallTicks;
-  return std::min(1.0, static_cast<double>(since - kFallTicks) / kRiseTicks);
-}
-
-// If the clock steps forward, the loop treats the ticks as missed and fades in again; the needle has not
-// moved meanwhile. If it steps back, the loop waits until its clock reaches that time again and notices
-// nothing: the needle has moved on, and the device renders the last force. (The loop's clock,
-// CLOCK_MONOTONIC, does neither; a virtual machine that stood still does the first.)
-Status clockSteps(Trial& t) {
-  const double depth_m = t.number("depth_m", 0.0005, 0.03), speed = t.number("speed_m_s", 1e-3, 0.1),
-               beyond_m = t.number("beyond_m", 0.0005, 0.03);
-  DeviceScript script;
-  script.rest(0.3).goTo(depth_m, speed);
-  const std::size_t at = script.ticks();
-  script.goTo(depth_m + beyond_m, speed).goTo(-0.005, 0.02);
-  double departure_N = 0;
-  const auto judged = [&](const std::vector<DeviceSample>& samples, std::int64_t stood_still) -> Status {
-    ASSIGN_OR_RETURN(const auto ticks, t.gated(samples));
-    for (std::size_t k = at; k < ticks.size(); ++k) {
-      const Vec3 wanted_N = ticks[k].report.wrench_W.force_N * shareAfter(stood_still, k - at);
-      departure_N = std::max(departure_N, norm(ticks[k].out_W.force_N - wanted_N));
-      if (ticks[k].fault != Fault::kNone) departure_N = HUGE_VAL;
-    }
-    return {};
-  };
-  for (const double ticks : t.numbers("forward_ticks")) {
-    auto samples = script.samples();
-    samples[at].elapsed_ticks = static_cast<std::int64_t>(ticks) + 1;
-    RETURN_IF_ERROR(judged(samples, static_cast<std::int64_t>(ticks)));
-  }
-  for (const double ticks : t.numbers("back_ticks")) {
-    auto samples = script.samples();
-    const auto from = samples.begin() + static_cast<std::ptrdiff_t>(at);
-    const auto lost = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(ticks), samples.end() - from);
-    samples.erase(from, from + lost);
-    RETURN_IF_ERROR(judged(samples, 0));
-  }
-  t.judge("greatest departure from the share that the gate gives [N]", departure_N, t.number("limit", 0));
-  return {};
-}
-
 }  // namespace
 
 std::vector<StabilityCase> deviceCases() {
@@ -240,7 +192,6 @@ std::vector<StabilityCase> deviceCases() {
       {"glitch_under_gate", glitchUnderGate},
       {"frozen_axis", frozenAxis},
       {"quaternion_sign", quaternionSign},
-      {"clock_steps", clockSteps},
   };
 }
 

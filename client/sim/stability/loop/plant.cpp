@@ -11,6 +11,7 @@
 #include "client/sim/stability/loop/stiffness_theory.h"
 #include "common/base/range.h"
 #include "common/fem/needle_mesh.h"
+#include "common/haptics/body/body_engine.h"
 #include "common/haptics/geometry.h"
 
 namespace needlelab {
@@ -19,18 +20,23 @@ namespace {
 class EngineSource final : public ForceSource {
  public:
   explicit EngineSource(SceneModel model) : model_(std::move(model)) {}
-  void step(const TipSample& tip, StepReport& report) noexcept override {
-    needlelab::step(model_, tip, state_, report);
-  }
+  void step(const TipSample& tip, StepReport& report) noexcept override { engine_.step(tip, report); }
   [[nodiscard]] double axialStiffness_N_per_m() const noexcept override {
     return model_.axialStiffness_N_per_m();
   }
-  [[nodiscard]] double slant() const noexcept override { return state_.inside ? state_.slant : 1; }
-  [[nodiscard]] Vec3 trajectory() const noexcept override { return state_.inside ? state_.u_W : Vec3{}; }
+  [[nodiscard]] double held_J(const StepReport& report) const noexcept override {
+    return heldEnergy_J(engine_.model(), engine_.state(), report);
+  }
+  [[nodiscard]] double slant() const noexcept override {
+    return engine_.state().inside ? engine_.state().slant : 1;
+  }
+  [[nodiscard]] Vec3 trajectory() const noexcept override {
+    return engine_.state().inside ? engine_.state().u_W : Vec3{};
+  }
 
  private:
   SceneModel model_;
-  SimState state_{};
+  SceneEngine engine_{model_};
 };
 
 // A mesh takes a second, so scenes with the same mesh inputs share their compliance.
@@ -201,7 +207,7 @@ Result<PlantRun> runPlant(ForceSource& source, const HandPlan& plan, const Plant
       wanted = wrenchAtHandle(report.wrench_W, tick.seen.p_WT_m, reading.X_WH.p);
     }
     gate.noteOutside(report.depth_m <= 0);
-    if (passivity) wanted = passivity->limited(reading.X_WH, tick.stepped, wanted);
+    if (passivity) wanted = passivity->limited(reading.X_WH, tick.stepped, wanted, source.held_J(report));
     const GuardedWrench guarded = gate.guard(wanted);
     if (passivity) passivity->rendered(guarded.wrench());
     plant.command(guarded, options.delay_spread_ticks > 0

@@ -23,6 +23,8 @@ class ForceSource {
   virtual void step(const TipSample& tip, StepReport& report) noexcept = 0;
   /// The steepest stiffness along the trajectory that can act at once, as SceneModel::axialStiffness_N_per_m.
   [[nodiscard]] virtual double axialStiffness_N_per_m() const noexcept = 0;
+  /// What its springs hold, as heldEnergy_J.
+  [[nodiscard]] virtual double held_J(const StepReport& /*report*/) const noexcept { return 0; }
   /// c of the last tick (FORCE_MODEL.md, "Contact"): the needle's slant to the skin; 1 when free.
   [[nodiscard]] virtual double slant() const noexcept { return 1; }
   /// u of the last tick; zero when free, or if the source does not provide it.

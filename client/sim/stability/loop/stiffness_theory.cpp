@@ -47,12 +47,6 @@ double passiveStiffnessLimit(double damping_Ns_per_m, double period_s, double de
   return damping_Ns_per_m / (period_s * (0.5 + delay_ticks));
 }
 
-double quantisedStiffnessLimit(double damping_Ns_per_m, double period_s, double dry_friction_N,
-                               double encoder_step_m) {
-  const double by_time = 2 * damping_Ns_per_m / period_s;
-  return encoder_step_m > 0 ? std::min(by_time, 2 * dry_friction_N / encoder_step_m) : by_time;
-}
-
 double sampledStiffnessLimit(const LinearLoop& loop) {
   const PulseTransfer plant(loop);
   constexpr int kSteps = 20'000;  // on the upper half of the unit circle

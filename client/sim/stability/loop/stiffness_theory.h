@@ -8,12 +8,6 @@ namespace needlelab {
 /// the hand's: stable with that hand (coupled stability). In N/m.
 double passiveStiffnessLimit(double damping_Ns_per_m, double period_s, double delay_ticks);
 
-/// Abbott and Okamura (2005), Diolaiti et al. (2006): with encoder step Δ and Coulomb friction f_c a wall is
-/// passive, down to the smallest cycle, if K ≤ min(2b/T, 2f_c/Δ). The second term is infinite if Δ is 0. In
-/// N/m.
-double quantisedStiffnessLimit(double damping_Ns_per_m, double period_s, double dry_friction_N,
-                               double encoder_step_m);
-
 /// The loop of a wall in permanent contact: handle and hand are a mass on a spring and a damper; the wall is
 /// K + B (1 − z⁻¹)/T, sampled and held, d ticks late.
 struct LinearLoop {

@@ -8,8 +8,8 @@
 
 #include "client/device/hand/hand_options.h"
 #include "common/fem/needle_mesh.h"
+#include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/gate/handle_stiffness.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/warnings.h"
@@ -106,26 +106,6 @@ Status checkStiffness(const SceneModel& model, const DeviceInfo& device) {
           device.name, axial, most)};
 }
 
-std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
-                                            const LoopDelay& delay, double hand_damping_Ns_per_m) {
-  if (!device.renders_force) return std::nullopt;
-  const double damping = device.limits.damping_Ns_per_m + hand_damping_Ns_per_m;
-  // a computed damper adds energy like a spring: subtract its B from the damping of device and hand
-  // (Colgate and Schenkel: b > KT/2 + B)
-  const double own = model.isLive(Effect::kCutting) ? model.axial_damping_Ns_per_m : 0.0;
-  const double ticks = delay.totalTicks(model.rate_hz);
-  const double bound = std::max(0.0, damping - own) / (model.period_s * (0.5 + ticks));
-  const double axial = model.axialStiffness_N_per_m();
-  if (axial <= bound) return std::nullopt;
-  const std::string minus = own > 0 ? fmt::format(" − {:.3g} of the model", own) : std::string();
-  return fmt::format(
-      "{:.4g} N/m along the needle is above the {:.4g} N/m that are stable with this hand (coupled "
-      "stability: ({:.3g} of the device + {:.3g} of the hand{} N·s/m)/({:.3g} ms · (½ + {:.2g}))): it may "
-      "oscillate in a loose hand",
-      axial, bound, device.limits.damping_Ns_per_m, hand_damping_Ns_per_m, minus, model.period_s * 1e3,
-      ticks);
-}
-
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes) {
   if (!device.has_orientation)
     notes.push_back(
@@ -154,14 +134,55 @@ std::string acrossText(const HandleStiffness& wanted, const DeviceInfo& device, 
       device.limits.max_stiffness_N_per_m, device.limits.max_rotational_stiffness_Nm_per_rad);
 }
 
+// lowers `lesson.model` to what is stable behind a delay, and leaves its share
+Status lowerForDelay(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
+                     std::vector<std::string>& notes) {
+  const SceneModel& model = lesson.model;
+  const double ticks = delay.totalTicks(model.rate_hz);
+  const double most = stableInLightestGrip_N_per_m(device.limits.damping_Ns_per_m, model.rate_hz, ticks);
+  const double axial = model.axialStiffness_N_per_m();
+  if (axial <= most * (1 + 1e-9)) return {};
+  const double share = most / axial;
+  const std::string what = fmt::format(
+      "The scene is {:.4g} N/m along the needle; with forces {:.2g} ticks late{} at {:.4g} Hz, the {} and the "
+      "lightest grip hold {:.4g} N/m",
+      axial, ticks, delay.is_known ? "" : " (assumed; --measure-delay finds it)", model.rate_hz, device.name,
+      most);
+  const bool has_wall = axialEntry(model.axial_model).has_tracking_wall;
+  if (!has_wall || share < kMinStiffnessShare)
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("{}: {}; make the delay shorter (a real-time kernel, a direct connection, a faster "
+                    "loop) or use a softer profile",
+                    what,
+                    has_wall ? fmt::format("{:.0f} % of it, and a lesson needs {:.0f} %", 100 * share,
+                                           100 * kMinStiffnessShare)
+                             : fmt::format("{} has no wall whose stiffness could be lowered",
+                                           axialModelName(model.axial_model)))};
+  lesson.shares.delay = share;
+  notes.push_back(fmt::format("{}. It is rendered at {:.0f} %.", what, 100 * share));
+  return {};
+}
+
+// the model with the walls as the delay lowers them
+Result<SceneModel> behindDelay(const StationLesson& lesson) {
+  SceneSpec scene = lesson.scene;
+  lowerStiffness(scene, {.delay = lesson.shares.delay});
+  return compile(scene, lesson.model.rate_hz);
+}
+
 }  // namespace
 
-Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
-                      std::vector<std::string>& notes) {
+Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
+                      const Pose& X_HT, std::vector<std::string>& notes) {
   if (!device.renders_force) return {};
+  RETURN_IF_ERROR(lowerForDelay(lesson, device, delay, notes));
   // without torque there is no lever: the fixture acts on the handle as at the tip
   const bool has_lever = device.renders_torque && device.has_orientation;
   const Pose lever = has_lever ? X_HT : Pose{};
+  if (lesson.shares.delay < 1) {
+    ASSIGN_OR_RETURN(lesson.model, behindDelay(lesson));
+  }
   double axial = lesson.model.axialStiffness_N_per_m();
   const auto shareOf = [&](const SceneSpec& scene) {
     return heldStiffnessShare(scene, axial, device.limits, lever);
@@ -177,12 +198,10 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
                                 entry->name, without));
     lesson.scene.effects &= ~bitOf(entry->effect);
     lesson.left_out |= bitOf(entry->effect);
-    ASSIGN_OR_RETURN(const auto model, compile(lesson.scene, lesson.model.rate_hz));
+    ASSIGN_OR_RETURN(const auto model, behindDelay(lesson));
     axial = model.axialStiffness_N_per_m();
     share = shareOf(lesson.scene);
   }
-  if (share >= 1) return {};
-
   const HandleStiffness wanted = handleStiffness(lesson.scene, axial, lever);
   const std::string what = acrossText(wanted, device, lever);
   if (share < kMinStiffnessShare)
@@ -191,10 +210,11 @@ Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pos
         fmt::format("{}: {:.0f} % of it, and a lesson needs {:.0f} %; use a shorter tool or a softer "
                     "virtual_fixture and orientation_limit",
                     what, 100 * share, 100 * kMinStiffnessShare)};
-  lowerStiffness(lesson.scene, share);
-  lesson.stiffness_share = share;
-  notes.push_back(fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what,
-                              100 * share, share * wanted.across_N_per_m));
+  lesson.shares.lever = share;
+  lowerStiffness(lesson.scene, lesson.shares);
+  if (share < 1)
+    notes.push_back(fmt::format("{}. It is rendered at {:.0f} %: at most {:.4g} N/m across the needle.", what,
+                                100 * share, share * wanted.across_N_per_m));
   return {};
 }
 
@@ -247,8 +267,8 @@ Status fitLesson(StationLesson& lesson, const DeviceInfo& device, const LoopDela
   const EffectMask before = lesson.scene.effects;
   lesson.scene = forDevice(std::move(lesson.scene), device, notes);
   noteTool(options.X_HT, device, notes);
-  RETURN_IF_ERROR(lowerForDevice(lesson, device, options.X_HT, notes));
-  if (lesson.scene.effects != before || lesson.stiffness_share != 1) {
+  RETURN_IF_ERROR(lowerForDevice(lesson, device, delay, options.X_HT, notes));
+  if (lesson.scene.effects != before || lesson.shares.lever != 1 || lesson.shares.delay != 1) {
     auto model = compile(lesson.scene, options.rate_hz);
     if (!model.ok())
       return Error{model.error().code, "profile " + lesson.profile.id() + " on the " + device.name + ": " +

@@ -11,6 +11,7 @@
 #include "client/station/run/io/live_line.h"
 #include "client/station/run/io/options.h"
 #include "common/base/result.h"
+#include "common/haptics/gate/handle_stiffness.h"
 #include "common/haptics/gate/passivity_control.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/aid_list.h"
@@ -36,7 +37,7 @@ struct StationLesson {
   SceneSpec scene;  ///< in W
   SceneModel model;
   std::vector<std::string> warnings;           ///< warnings about the profile, for a person
-  double stiffness_share = 1;                  ///< as in SessionDescription
+  StiffnessShares shares;                      ///< as in SessionDescription
   std::optional<PassivitySettings> passivity;  ///< none: no passivity control
   EffectMask left_out = 0;                     ///< effects of the profile that device and tool cannot hold
   std::uint32_t attempt = 0;                   ///< the trainee's attempt number; 0: unknown
@@ -67,10 +68,6 @@ std::vector<std::string> liveEffects(const SceneModel& model);
 /// limits"); lowerForDevice handles the stiffness across it. A device that renders no force accepts every
 /// scene. Errors: kInvalidInput, with the numbers.
 Status checkStiffness(const SceneModel& model, const DeviceInfo& device);
-/// Above (b + b_hand)/(T(½ + delay)), a stiffness can oscillate with this hand: coupled stability. (Passivity
-/// holds for any hand and counts only the device's b.) Returns a warning with the numbers, or nothing.
-std::optional<std::string> stabilityWarning(const SceneModel& model, const DeviceInfo& device,
-                                            const LoopDelay& delay, double hand_damping_Ns_per_m);
 
 /// Returns why passivity is not proven, with the numbers; nothing if it is. It is proven if the scene's
 /// stiffness along and across the needle is at most b/(T(½ + delay)), which is stable with any hand, and its
@@ -83,14 +80,15 @@ std::optional<std::string> unprovenPassivity(const StationLesson& lesson, const 
 /// limit: the engine computes it for the record. Adds omissions and assumptions to `notes`.
 SceneSpec forDevice(SceneSpec scene, const DeviceInfo& device, std::vector<std::string>& notes);
 
-/// Lowers the stiffness of fixture, bone and orientation limit in `lesson.scene` to what the device can hold
-/// with the tool's lever (FORCE_MODEL.md, "Device limits"), with a note in `notes`. If less than
-/// kMinStiffnessShare would be left, first omits what the needle can do without (BONE). A device that
-/// renders no force has no limit; one without torque does not render the lever. `lesson.model` keeps the
-/// scene as it was. Errors: kInvalidInput, with the numbers, if less than kMinStiffnessShare is left even
-/// without bone.
-Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const Pose& X_HT,
-                      std::vector<std::string>& notes);
+/// Lowers `lesson.scene` to what the device can hold (FORCE_MODEL.md, "Device limits"), with notes in
+/// `notes`: what acts at once along the needle to what is stable behind this delay in the lightest grip;
+/// fixture, bone and orientation limit to what it holds with the tool's lever, or the former, if that is
+/// less. If the lever would leave less than kMinStiffnessShare, first omits what the needle can do without
+/// (BONE). A device that renders no force has no limit; one without torque does not render the lever.
+/// `lesson.model` may then be another than the scene's. Errors: kInvalidInput, with the numbers, if less than
+/// kMinStiffnessShare is left of either, or a model without a wall would have to be lowered.
+Status lowerForDevice(StationLesson& lesson, const DeviceInfo& device, const LoopDelay& delay,
+                      const Pose& X_HT, std::vector<std::string>& notes);
 
 /// Returns the settings of passivity control for a device.
 PassivitySettings passivityOf(const DeviceInfo& device, const LoopDelay& delay);

@@ -100,7 +100,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
     verdict.kept = "The recording is safe in this station's spool; it is sent once the station has a server.";
   }
   if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
-  verdict.lowered = stiffnessShareText(s.stiffness_share, s.left_out);
+  verdict.lowered = stiffnessShareText(s.shares, s.left_out);
   return verdict;
 }
 

@@ -24,9 +24,9 @@ export function verdictOf(passed) {
 
 /**
  * As stiffnessShareText of common/haptics: beside the score of a session that was not rendered as in its profile.
- * @param {{stiffness_share?: any, device_notes?: string[]}} description
+ * @param {{stiffness_share?: any, delay_stiffness_share?: any, device_notes?: string[]}} description
  */
-export function stiffnessShareText({ stiffness_share: share, device_notes }) {
+export function stiffnessShareText({ stiffness_share: share, delay_stiffness_share: delay, device_notes }) {
   // what is across the needle before what turns it
   const lowered = kEffects
     .filter((effect) => effect.lowered)
@@ -41,5 +41,10 @@ export function stiffnessShareText({ stiffness_share: share, device_notes }) {
     sentences.push(
       `${atStart(`${words.slice(0, -1).join(', ')} and ${words.at(-1)}`)} were rendered at ${(100 * share).toFixed(0)} % of the profile's stiffness.`,
     );
-  return sentences.length === 0 ? '' : [...sentences, 'This device and tool cannot hold more.'].join(' ');
+  if (sentences.length > 0) sentences.push('This device and tool cannot hold more.');
+  if (delay > 0 && delay < 1)
+    sentences.push(
+      `Because the device's force comes late, what acts along the needle was rendered at ${(100 * delay).toFixed(0)} % of the profile's stiffness: the tissue's forces are the same, over a longer way.`,
+    );
+  return sentences.join(' ');
 }

@@ -140,6 +140,7 @@ class Study {
       record["placement"] = std::vector<double>(d.placement().begin(), d.placement().end());
       record["tool"] = std::vector<double>(d.tool().begin(), d.tool().end());
       record["stiffness_share"] = d.has_stiffness_share() ? d.stiffness_share() : 1;
+      record["delay_stiffness_share"] = d.has_delay_stiffness_share() ? d.delay_stiffness_share() : 1;
     }
     auto profile = profileOf(d.profile_json());
     if (!profile) return profile.error();

@@ -392,8 +392,7 @@ TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
       {{"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1", "--pictures"},
        {"skill.csv", "skill.png"}},
       {{"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
-       {"stability.dat", "stability.png", "stability-holds.csv", "stiffness_limits.json",
-        "stiffness_rest.png"}},
+       {"stability.dat", "stability.png", "stability-holds.csv", "stiffness_limits.json", "device.png"}},
       {{"accuracy", "--study", "verification", "--out"}, {"accuracy.csv"}}};
   for (const auto& command : commands)
     for (const std::string& name : command.names) {

@@ -78,15 +78,6 @@ TEST(StabilityCommand, aWallThatIsNotStableIsAFailure) {
   EXPECT_THAT(run.err, HasSubstr("the enhanced tracking wall is not stable in hold_quantised"));
 }
 
-// a case that is known to fail is reported and does not end the program with an error
-TEST(StabilityCommand, theEnergySearchGestureIsStableOnlyWithTheControl) {
-  const Outcome run =
-      sim({"stability", "--case", "random_energy_500981", "--model", "ENHANCED_TRACKING_WALL"});
-  EXPECT_EQ(run.code, 0) << run.err;
-  EXPECT_THAT(run.out, HasSubstr("stable in 1 of 1 hard cases"));
-  EXPECT_THAT(run.out, HasSubstr("without the control 0.32 mJ"));
-}
-
 TEST(StabilityCommand, wrongInputIsNamed) {
   const test::TempFolder folder;
   const Outcome no_case = sim({"stability", "--case", "hold_fast"});

@@ -114,8 +114,9 @@ TEST(StationSummary, showsTheRenderedStiffnessNextToTheScore) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["stiffness_share"], 1);
   EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("stiffness    ")));
-  s.stiffness_share = 0.55;
+  s.shares = {0.55, 0.8};
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["stiffness_share"], 0.55);
+  EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["rows"][0]["delay_stiffness_share"], 0.8);
   EXPECT_THAT(summaryText(s),
               HasSubstr("stiffness    Fixture, bone, palpation and orientation limit were rendered at 55 %"));
   s.left_out = bitOf(Effect::kBone);

@@ -45,7 +45,7 @@ std::string effectsModule() {
       }
       text += fmt::format(",\n    begin: {{ {} }}", begin);
     }
-    if (const OnDevice& on_device = effect->on_device; on_device.lower != nullptr) {
+    if (const OnDevice& on_device = effect->on_device; !on_device.words.empty()) {
       text += fmt::format(",\n    lowered: {{ words: '{}', turns: {}", on_device.words,
                           on_device.turning_Nm_per_rad != nullptr);
       if (!on_device.was_without.empty()) text += fmt::format(", without: '{}'", on_device.was_without);

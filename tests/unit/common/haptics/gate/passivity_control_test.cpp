@@ -42,7 +42,7 @@ Course driven(PassivityControl& control, std::size_t ticks, const std::function<
   for (std::size_t k = 0; k < ticks; ++k) {
     const double t = static_cast<double>(k) * kControlPeriod_s, z = z_m(t),
                  v = (z - z_m(t - kControlPeriod_s)) * kControlRate_hz;
-    const Wrench wrench = control.limited({{0, 0, z}, {}}, true, {{0, 0, force_N(z, v)}, {}});
+    const Wrench wrench = control.limited({{0, 0, z}, {}}, true, {{0, 0, force_N(z, v)}, {}}, 0);
     control.rendered(wrench);
     out.z_m.push_back(z);
     out.force_N.push_back(wrench.force_N.z);
@@ -95,7 +95,7 @@ TEST(PassivityControl, countsTorqueTimesTurn) {
   for (int k = 0; k <= 100; ++k) {
     const double angle = 1e-3 * k;
     const Pose handle{{}, {std::sin(angle / 2), 0, 0, std::cos(angle / 2)}};
-    control.rendered(control.limited(handle, true, {{}, {0.2, 0, 0}}));
+    control.rendered(control.limited(handle, true, {{}, {0.2, 0, 0}}, 0));
   }
   EXPECT_NEAR(control.state().level_J, 1 - 0.2 * 0.1, 1e-8);
 }
@@ -127,8 +127,40 @@ TEST(PassivityControl, theTankHoldsAtMostItsCapacityOrReserve) {
   PassivityControl control(withTank(20e-6, 1e-3), kControlRate_hz);
   const Course of = driven(control, 1000, swing, [](double, double v) { return v > 0 ? -2.0 : 2.0; });
   EXPECT_LE(*std::max_element(of.level_J.begin(), of.level_J.end()), 1e-3);
-  control.rendered(control.limited({{0, 0, of.z_m.back()}, {}}, true, {}));
+  control.rendered(control.limited({{0, 0, of.z_m.back()}, {}}, true, {}, 0));
   EXPECT_LE(control.state().level_J, 20e-6) << "no force: nothing is stored";
+}
+
+TEST(PassivityControl, theTankAlsoHoldsWhatTheSpringsHold) {
+  PassivityControl control(withTank(20e-6, 1e-3), kControlRate_hz);
+  for (int k = 0; k < 400; ++k)
+    control.rendered(control.limited({{0, 0, 1e-4 * k}, {}}, true, {{0, 0, -2}, {}}, 7e-3));
+  EXPECT_NEAR(control.state().level_J, 8e-3, 1e-12);
+  control.rendered(control.limited({{0, 0, 0.04}, {}}, true, {{0, 0, -1}, {}}, 2e-3));
+  EXPECT_NEAR(control.state().level_J, 3e-3, 1e-12) << "relaxed";
+}
+
+// A force that turns from taking to giving in a tick, with a tank that pays for a slow fall; then with none.
+TEST(PassivityControl, changesAForceByAtMostThreeTenthsOfANewtonATickWhereTheTankPays) {
+  for (const double force_N : {2.0, 4.0}) {
+    PassivityControl control(withTank(20e-6, 5e-3), kControlRate_hz);
+    double before_N = 0, worst_N = 0, least_share = 1;
+    for (int k = 0; k < 3000; ++k) {
+      const double phase = std::fmod(k * kControlPeriod_s, 0.2), z_m = phase < 0.1 ? phase : 0.2 - phase;
+      const Wrench wrench = control.limited({{0, 0, 0.05 * z_m}, {}}, true,
+                                            {{0, 0, phase < 0.1 ? -force_N : -force_N * 0.999}, {}}, 0);
+      control.rendered(wrench);
+      if (k > 0) worst_N = std::max(worst_N, std::fabs(wrench.force_N.z - before_N));
+      before_N = wrench.force_N.z;
+      least_share = std::min(least_share, control.state().share);
+    }
+    EXPECT_LT(least_share, 0.7) << "it has work to do";
+    EXPECT_LT(worst_N, 0.3 + 0.001 * force_N + 1e-9) << force_N;
+  }
+  PassivityControl control(withTank(20e-6, 20e-6), kControlRate_hz);
+  for (int k = 0; k < 12; ++k)
+    control.rendered(control.limited({{0, 0, 2e-4 * k}, {}}, true, {{0, 0, 4}, {}}, 0));
+  EXPECT_LT(control.state().share, 0.05) << "energy comes first";
 }
 
 TEST(PassivityControl, dampingFillsTheTankOnlyByItsDissipation) {
@@ -137,7 +169,7 @@ TEST(PassivityControl, dampingFillsTheTankOnlyByItsDissipation) {
   PassivityControl control(settings, kControlRate_hz);
   // a wrench without work keeps the tank from being treated as outside
   for (int k = 0; k < 2000; ++k)
-    control.rendered(control.limited({{0, 0, swing(k * kControlPeriod_s)}, {}}, true, {{1, 0, 0}, {}}));
+    control.rendered(control.limited({{0, 0, swing(k * kControlPeriod_s)}, {}}, true, {{1, 0, 0}, {}}, 0));
   const double lost = 1.7 * 0.5 * std::pow(0.004 * 2 * std::numbers::pi * 3, 2) * 2;
   EXPECT_LE(control.state().level_J, lost);
   EXPECT_GT(control.state().level_J, 0.95 * lost);
@@ -151,7 +183,7 @@ TEST(PassivityControl, countsWhatTheGateLetThrough) {
     const double z_m = 0.006 * std::sin(std::numbers::pi * k / 400);
     given_J += acting_N * (z_m - before_m);
     before_m = z_m;
-    const Wrench limited = control.limited({{0, 0, z_m}, {}}, true, {{0, 0, -500 * z_m}, {}});
+    const Wrench limited = control.limited({{0, 0, z_m}, {}}, true, {{0, 0, -500 * z_m}, {}}, 0);
     acting_N = limited.force_N.z * std::min(1.0, k / 200.0);
     control.rendered({{0, 0, acting_N}, {}});
   }
@@ -160,26 +192,26 @@ TEST(PassivityControl, countsWhatTheGateLetThrough) {
 
 TEST(PassivityControl, ticksWithoutAPoseCountAtTheirWorst) {
   PassivityControl control(withTank(1, 2, 0), kControlRate_hz);
-  control.rendered(control.limited({}, true, {{0, 0, 1}, {}}));
-  control.rendered(control.limited({}, false, {{0, 0, 3}, {}}));
-  control.rendered(control.limited({}, false, {{0, 0, 2}, {}}));
-  (void)control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, 1}, {}});
+  control.rendered(control.limited({}, true, {{0, 0, 1}, {}}, 0));
+  control.rendered(control.limited({}, false, {{0, 0, 3}, {}}, 0));
+  control.rendered(control.limited({}, false, {{0, 0, 2}, {}}, 0));
+  (void)control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, 1}, {}}, 0);
   EXPECT_NEAR(control.state().level_J, 1 - 3 * 0.01, 1e-12);
 }
 
 TEST(PassivityControl, aWrenchThatIsNoNumberIsLeftToTheGate) {
   PassivityControl control(withTank(1, 2, 0), kControlRate_hz);
-  control.rendered(control.limited({}, true, {{0, 0, 1}, {}}));
+  control.rendered(control.limited({}, true, {{0, 0, 1}, {}}, 0));
   const std::uint64_t before = hashOf(control.state());
-  EXPECT_TRUE(std::isnan(control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, std::nan("")}, {}}).force_N.z));
+  EXPECT_TRUE(std::isnan(control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, std::nan("")}, {}}, 0).force_N.z));
   EXPECT_EQ(hashOf(control.state()), before);
 }
 
 TEST(PassivityControl, missedTicksRenderTheLastWrench) {
   PassivityControl control(withTank(1, 2, 1), kControlRate_hz);
-  control.rendered(control.limited({}, true, {{0, 0, 1}, {}}));
-  control.rendered(control.limited({}, true, {{0, 0, 2}, {}}));
-  (void)control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, 1}, {}}, 50);
+  control.rendered(control.limited({}, true, {{0, 0, 1}, {}}, 0));
+  control.rendered(control.limited({}, true, {{0, 0, 2}, {}}, 0));
+  (void)control.limited({{0, 0, 0.01}, {}}, true, {{0, 0, 1}, {}}, 0, 50);
   EXPECT_NEAR(control.state().level_J, 1 - 2 * 0.01, 1e-12);
 }
 

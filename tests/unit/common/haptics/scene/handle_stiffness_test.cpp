@@ -78,7 +78,7 @@ TEST(HandleStiffness, boneHoldsANeedleSidewaysNextToTheFixture) {
   scene.layers.back().is_bone = true;
   EXPECT_NEAR(handleStiffness(scene, 600, straight(0.1)).handle_Nm_per_rad, 10, 1e-12);
   EXPECT_NEAR(heldStiffnessShare(scene, 600, {}, straight(0.08)), 4 / 6.4, 1e-12);
-  lowerStiffness(scene, 0.5);
+  lowerStiffness(scene, {.lever = 0.5});
   EXPECT_EQ(bone, 300);
 }
 
@@ -126,7 +126,7 @@ TEST(LowerStiffness, whatIsLoweredIsHeld) {
     SceneSpec scene = sceneOf(600, 0.5);
     const double share = heldStiffnessShare(scene, kAxial_N_per_m, {}, tool);
     ASSERT_LT(share, 1);
-    lowerStiffness(scene, share);
+    lowerStiffness(scene, {.lever = share});
     EXPECT_NEAR(handleStiffness(scene, kAxial_N_per_m, tool).handle_Nm_per_rad, 4, 1e-9);
     EXPECT_NEAR(heldStiffnessShare(scene, kAxial_N_per_m, {}, tool), 1, 1e-12);
   }
@@ -134,7 +134,7 @@ TEST(LowerStiffness, whatIsLoweredIsHeld) {
 
 TEST(LowerStiffness, theEngineRendersNoMoreThanTheLoweredStiffness) {
   SceneSpec scene = sceneOf(400, 0.5);
-  lowerStiffness(scene, 0.55);
+  lowerStiffness(scene, {.lever = 0.55});
   const auto model = compile(scene, 1000);
   ASSERT_TRUE(model.ok()) << model.error().message;
   SimState state{};
@@ -150,22 +150,25 @@ TEST(LowerStiffness, theEngineRendersNoMoreThanTheLoweredStiffness) {
 
 TEST(LowerStiffness, allOfItChangesNothing) {
   SceneSpec scene = sceneOf(400, 0.5);
-  lowerStiffness(scene, 1);
+  lowerStiffness(scene, {});
   EXPECT_EQ(scene.virtual_fixture.max_stiffness_N_per_m, 400);
   EXPECT_EQ(scene.orientation_limit.stiffness_Nm_per_rad, 0.5);
 }
 
 TEST(StiffnessShareText, namesTheReductionInTheProfilesTerms) {
-  EXPECT_EQ(stiffnessShareText(1, 0), "");
+  EXPECT_EQ(stiffnessShareText({}, 0), "");
   EXPECT_EQ(
-      stiffnessShareText(0.551, 0),
+      stiffnessShareText({.lever = 0.551}, 0),
       "Fixture, bone, palpation and orientation limit were rendered at 55 % of the profile's stiffness. This "
       "device and tool cannot hold more.");
   EXPECT_EQ(
-      stiffnessShareText(0.551, bitOf(Effect::kBone)),
+      stiffnessShareText({.lever = 0.551}, bitOf(Effect::kBone)),
       "Bone was left out: the needle cut it as it cuts a layer of tissue. Fixture, palpation and orientation "
       "limit were rendered at 55 % of the profile's stiffness. This device and tool cannot hold more.");
-  EXPECT_EQ(stiffnessShareText(1, bitOf(Effect::kBone)),
+  EXPECT_EQ(stiffnessShareText({.delay = 0.758}, 0),
+            "Because the device's force comes late, what acts along the needle was rendered at 76 % of the "
+            "profile's stiffness: the tissue's forces are the same, over a longer way.");
+  EXPECT_EQ(stiffnessShareText({}, bitOf(Effect::kBone)),
             "Bone was left out: the needle cut it as it cuts a layer of tissue. This device and tool cannot "
             "hold more.");
 }

@@ -266,13 +266,15 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
   EXPECT_EQ(session["profile"]["name"], "[name] of [name]");
   EXPECT_EQ(session["profile"]["description"], "by [name]");
   EXPECT_EQ(session["begun_after_first_days"], 0);
-  for (const char* field : {"device", "placement", "tool", "stiffness_share", "begun_after_first_s"})
+  for (const char* field :
+       {"device", "placement", "tool", "stiffness_share", "delay_stiffness_share", "begun_after_first_s"})
     EXPECT_FALSE(session.contains(field)) << field;
   pb::Request request;
   request.mutable_export_study()->set_study("s1");
   request.mutable_export_study()->set_with_setup(true);
   EXPECT_EQ(nlohmann::json::parse(get(researcher, request).records().records(1))["device"], "falcon no. 17");
-  EXPECT_EQ(nlohmann::json::parse(get(researcher, request).records().records(1))["stiffness_share"], 1);
+  for (const char* share : {"stiffness_share", "delay_stiffness_share"})
+    EXPECT_EQ(nlohmann::json::parse(get(researcher, request).records().records(1))[share], 1);
 
   pb::Request read;
   read.mutable_read_study_recording()->set_study("s1");

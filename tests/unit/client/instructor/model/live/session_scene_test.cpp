@@ -52,10 +52,14 @@ TEST(SessionScene, isAsStiffAsItWasRendered) {
   const SessionScene scene = sceneOfSession(info.description());
   EXPECT_NEAR(scene.model->fixture.max_stiffness_N_per_m, 165, 1e-9);
   EXPECT_NEAR(scene.model->orientation.stiffness_Nm_per_rad, 0.275, 1e-12);
+  info.mutable_description()->set_delay_stiffness_share(0.8);
+  EXPECT_NEAR(sceneOfSession(info.description()).model->fixture.max_stiffness_N_per_m, 165, 1e-9);
+  EXPECT_NEAR(sceneOfSession(info.description()).model->wall.stiffness_N_per_m,
+              0.8 * scene.model->wall.stiffness_N_per_m, 1e-9);
   // values from the network
   for (const double share : {0.0, -1.0, 2.0, std::numeric_limits<double>::quiet_NaN()}) {
     info.mutable_description()->set_stiffness_share(share);
-    EXPECT_EQ(stiffnessShareOf(info.description()), 1);
+    EXPECT_EQ(stiffnessSharesOf(info.description()).lever, 1);
   }
 }
 

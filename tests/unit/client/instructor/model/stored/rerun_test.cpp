@@ -42,6 +42,7 @@ TEST(Rerun, anotherPatientHasItsOwnStiffness) {
   const std::string json = sampleProfile("shoulder-adult");
   auto info = test::lessonInfo(json);
   info.mutable_description()->set_stiffness_share(0.5);
+  info.mutable_description()->set_delay_stiffness_share(0.9);
   info.mutable_description()->add_live_effects("CUTTING");
   const auto gesture = gestureOf(info, test::lessonSamples(json, {}));
   const auto own = rerunGesture(*gesture, {});
@@ -51,6 +52,8 @@ TEST(Rerun, anotherPatientHasItsOwnStiffness) {
       rerunGesture(*gesture, {.profile_json = sampleProfile("wrist-adult"), .axial_model = {}});
   ASSERT_TRUE(other.ok()) << other.error().message;
   EXPECT_EQ(other->scene.model->fixture.max_stiffness_N_per_m, 300);
+  EXPECT_NEAR(own->scene.model->wall.stiffness_N_per_m, 0.9 * other->scene.model->wall.stiffness_N_per_m,
+              1e-9);
   EXPECT_TRUE(other->scene.model->isLive(Effect::kBone));
 }
 

@@ -136,13 +136,13 @@ StationLesson lessonOf(double fixture_N_per_m, double orientation_Nm_per_rad) {
 TEST(DeviceFit, clampingAndOrientationLimitAreLoweredToWhatTheDeviceHolds) {
   std::vector<std::string> notes;
   StationLesson lesson = lessonOf(400, 0.5);
-  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(300), {}, notes).ok());
-  EXPECT_NEAR(lesson.stiffness_share, 0.75, 1e-12);
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(300), kOneTick, {}, notes).ok());
+  EXPECT_NEAR(lesson.shares.lever, 0.75, 1e-12);
   EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 300, 1e-9);
   EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("400 N/m"), HasSubstr("300 N/m"),
                                                          HasSubstr("75 %"), HasSubstr("test device"))));
   lesson = lessonOf(400, 5);  // the Desktop renders rotations with 4 N·m/rad
-  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), {}, notes).ok());
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), kOneTick, {}, notes).ok());
   EXPECT_NEAR(lesson.scene.orientation_limit.stiffness_Nm_per_rad, 4, 1e-12);
 }
 
@@ -150,8 +150,8 @@ TEST(DeviceFit, theToolsLeverIsHeldByTheDevice) {
   const Pose tool{{0, 0, 0.13}, {}};
   std::vector<std::string> notes;
   StationLesson lesson = lessonOf(400, 0);
-  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), tool, notes).ok());
-  EXPECT_NEAR(lesson.stiffness_share, 4 / 6.76, 1e-12);
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), kOneTick, tool, notes).ok());
+  EXPECT_NEAR(lesson.shares.lever, 4 / 6.76, 1e-12);
   EXPECT_THAT(notes, testing::ElementsAre(testing::AllOf(HasSubstr("130 mm"), HasSubstr("6.76 N·m/rad"),
                                                          HasSubstr("4 N·m/rad"), HasSubstr("59 %"))));
   // fitLesson compiles what was lowered
@@ -165,7 +165,7 @@ TEST(DeviceFit, theToolsLeverIsHeldByTheDevice) {
 TEST(DeviceFit, aLessonOfLessThanHalfItsStiffnessIsRefused) {
   std::vector<std::string> notes;
   StationLesson lesson = lessonOf(400, 0);
-  const Status refused = lowerForDevice(lesson, deviceWith(1000), {{0, 0, 0.15}, {}}, notes);
+  const Status refused = lowerForDevice(lesson, deviceWith(1000), kOneTick, {{0, 0, 0.15}, {}}, notes);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
   EXPECT_THAT(refused.error().message, testing::AllOf(HasSubstr("150 mm"), HasSubstr("9 N·m/rad"),
@@ -237,8 +237,8 @@ TEST(DeviceFit, whoFeelsNoLeverLosesNothingToIt) {
     info.renders_force = renders_force;
     info.renders_torque = false;
     StationLesson lesson = lessonOf(400, 0);
-    ASSERT_TRUE(lowerForDevice(lesson, info, tool, notes).ok());
-    EXPECT_EQ(lesson.stiffness_share, 1) << renders_force;
+    ASSERT_TRUE(lowerForDevice(lesson, info, kOneTick, tool, notes).ok());
+    EXPECT_EQ(lesson.shares.lever, 1) << renders_force;
   }
   EXPECT_TRUE(notes.empty());
 }
@@ -254,9 +254,9 @@ TEST(DeviceFit, boneAddsToTheFixtureSidewaysButNotToTissueAlong) {
   // the tissue's 640 N/m, not 1240
   EXPECT_NEAR(lesson.model.axialStiffness_N_per_m(), 640, 1e-9);
   EXPECT_TRUE(checkStiffness(lesson.model, deviceWith(640)).ok());
-  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), {}, notes).ok());
-  EXPECT_EQ(lesson.stiffness_share, 1) << "600 and 400 N/m aside";
-  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(800), {}, notes).ok());
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(1000), kOneTick, {}, notes).ok());
+  EXPECT_EQ(lesson.shares.lever, 1) << "600 and 400 N/m aside";
+  ASSERT_TRUE(lowerForDevice(lesson, deviceWith(800), kOneTick, {}, notes).ok());
   EXPECT_NEAR(bone, 480, 1e-9);
   EXPECT_NEAR(lesson.scene.virtual_fixture.max_stiffness_N_per_m, 320, 1e-9);
 }
@@ -276,14 +276,14 @@ TEST(DeviceFit, boneBelowHalfStiffnessIsOmittedAndReported) {
   std::vector<std::string> notes;
   StationLesson lesson = onBone(300);
   ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), kOneTick, options, notes).ok());
-  EXPECT_NEAR(lesson.stiffness_share, 4 / 6.26, 1e-12);
+  EXPECT_NEAR(lesson.shares.lever, 4 / 6.26, 1e-12);
   EXPECT_TRUE(lesson.model.isLive(Effect::kBone));
   // 18.8, and without bone 300 N/m · 0.1427² + 0.5 = 6.6
   options.X_HT = {{0, 0, 0.1427}, {}};
   notes.clear();
   lesson = onBone(300);
   ASSERT_TRUE(fitLesson(lesson, deviceWith(1200), kOneTick, options, notes).ok());
-  EXPECT_NEAR(lesson.stiffness_share, 4 / (300 * 0.1427 * 0.1427 + 0.5), 1e-12);
+  EXPECT_NEAR(lesson.shares.lever, 4 / (300 * 0.1427 * 0.1427 + 0.5), 1e-12);
   EXPECT_FALSE(lesson.model.isLive(Effect::kBone));
   EXPECT_EQ(lesson.left_out, bitOf(Effect::kBone));
   EXPECT_THAT(liveEffects(lesson.model), testing::Not(testing::Contains("BONE")));
@@ -295,30 +295,65 @@ TEST(DeviceFit, boneBelowHalfStiffnessIsOmittedAndReported) {
   EXPECT_FALSE(fitLesson(lesson, deviceWith(2000), kOneTick, options, notes).ok());
 }
 
-TEST(DeviceFit, theLimitOfCoupledStabilityIsWarnedOfWithItsNumbers) {
-  // (b + b_hand)/(T(½ + 1)): 0.3 + 0.3 N·s/m at 1 kHz allow 400 N/m
-  const SceneModel model = *compile(paperOneDof(), 1000);  // 500 N/m
-  const auto warning = stabilityWarning(model, deviceWith(1000, 0.3), kOneTick, 0.3);
-  ASSERT_TRUE(warning);
-  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("500 N/m"), HasSubstr("400 N/m"),
-                                       HasSubstr("0.3 of the device + 0.3 of the hand")));
-  // the device's damping alone is passive up to 200 N/m only
-  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("coupled stability"), testing::Not(HasSubstr("assiv"))));
-  EXPECT_FALSE(stabilityWarning(model, deviceWith(1000, 0.3), kOneTick, 0.46));
-  // A slower loop allows less.
-  EXPECT_TRUE(stabilityWarning(*compile(paperOneDof(), 250), deviceWith(1000, 1.7), kOneTick, 0.3));
+// (b + 0.9)/(T(½ + D)), the lightest grip's damping with the device's: 2.6 N·s/m, 2 + 2 ticks late
+TEST(DeviceFit, aLateForceLowersAllThatActsAtOnce) {
+  const SceneSpec before = lessonOf(400, 0.5).scene;
+  StationLesson lesson = lessonOf(400, 0.5);
+  std::vector<std::string> notes;
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), {2, 0.002, true}, {}, notes).ok());
+  const double most = 2.6 / (1e-3 * 4.5), share = most / 640;
+  EXPECT_NEAR(lesson.shares.delay, share, 1e-12);
+  EXPECT_NEAR(lesson.model.axialStiffness_N_per_m(), most, 1e-9);
+  EXPECT_NEAR(lesson.model.fixture.max_stiffness_N_per_m, 400 * share, 1e-9);
+  EXPECT_EQ(lesson.model.orientation.stiffness_Nm_per_rad, 0.5);
+  for (std::size_t i = 0; i < before.layers.size(); ++i) {
+    const LayerSpec &was = before.layers[i], &now = lesson.scene.layers[i];
+    EXPECT_EQ(now.cutting_force_N, was.cutting_force_N);
+    if (!was.membrane) continue;
+    EXPECT_EQ(now.membrane->force_N, was.membrane->force_N);
+    // the same force after 1/share of the way
+    const double z_m = 1e-3, farther_m = z_m / share;
+    EXPECT_NEAR(
+        now.membrane->linear_N_per_m * farther_m + now.membrane->quadratic_N_per_m2 * farther_m * farther_m,
+        was.membrane->linear_N_per_m * z_m + was.membrane->quadratic_N_per_m2 * z_m * z_m, 1e-9);
+  }
+  EXPECT_THAT(notes, testing::Contains(testing::AllOf(HasSubstr("640 N/m"), HasSubstr("4 ticks late"),
+                                                      HasSubstr("577.8 N/m"), HasSubstr("90 %"))));
+  // in time, nothing is lowered
+  lesson = lessonOf(400, 0.5);
+  ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), {2, 0, true}, {}, notes).ok());
+  EXPECT_EQ(lesson.shares.delay, 1);
 }
 
-TEST(DeviceFit, aModelsDampingIsSubtractedFromDeviceAndHandDamping) {
-  SceneSpec scene = paperOneDof();
-  scene.axial_model = AxialModel::kVoigt;  // 500 N/m
-  scene.voigt.damping_Ns_per_m = 0.5;
-  // (1.7 + 0.3 − 0.5)/(1 ms · 1.5) = 1000 N/m allow it; with B = 1.5 the limit is 333 N/m
-  EXPECT_FALSE(stabilityWarning(*compile(scene, 1000), deviceWith(1000), kOneTick, 0.3));
-  scene.voigt.damping_Ns_per_m = 1.5;
-  const auto warning = stabilityWarning(*compile(scene, 1000), deviceWith(1000), kOneTick, 0.3);
-  ASSERT_TRUE(warning);
-  EXPECT_THAT(*warning, testing::AllOf(HasSubstr("333.3 N/m"), HasSubstr("1.5 of the model")));
+TEST(DeviceFit, ofLeverAndDelayTheLesserCounts) {
+  for (const double late_ticks : {4.0, 6.0}) {
+    StationLesson lesson = lessonOf(400, 0);
+    StationOptions options;
+    options.X_HT = {{0, 0, 0.11}, {}};
+    std::vector<std::string> notes;
+    ASSERT_TRUE(fitLesson(lesson, deviceWith(1000), {late_ticks, 0, true}, options, notes).ok());
+    const double delay = std::min(1.0, 2.6 / (1e-3 * (0.5 + late_ticks)) / 640), lever = 4 / (400 * 0.0121);
+    EXPECT_NEAR(lesson.shares.lever, lever, 1e-12);
+    EXPECT_NEAR(lesson.model.fixture.max_stiffness_N_per_m, 400 * std::min(lever, delay), 1e-9);
+    EXPECT_NEAR(lesson.model.wall.stiffness_N_per_m, 500 * delay, 1e-9) << "the lever does not lower it";
+  }
+}
+
+TEST(DeviceFit, aLoopThatIsTooLateIsRefusedWithItsDelay) {
+  StationLesson lesson = lessonOf(400, 0.5);
+  std::vector<std::string> notes;
+  const Status refused = fitLesson(lesson, deviceWith(1000), {8, 0, true}, {}, notes);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
+  EXPECT_THAT(refused.error().message, testing::AllOf(HasSubstr("8 ticks late"), HasSubstr("48 % of it"),
+                                                      HasSubstr("make the delay shorter")));
+  // a model without a wall has nothing to lower
+  lesson.scene = paperOneDof();
+  lesson.scene.axial_model = AxialModel::kVoigt;  // 500 N/m; 2.6/(1 ms · 5.5) are 473
+  lesson.model = *compile(lesson.scene, 1000);
+  EXPECT_TRUE(fitLesson(lesson, deviceWith(1000), {4, 0, true}, {}, notes).ok());
+  EXPECT_THAT(fitLesson(lesson, deviceWith(1000), {5, 0, true}, {}, notes).error().message,
+              HasSubstr("VOIGT has no wall"));
 }
 
 using testing::ElementsAre;

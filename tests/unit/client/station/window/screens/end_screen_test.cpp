@@ -51,7 +51,7 @@ TEST(EndScreen, missedRequirementsComeFirst) {
 TEST(EndScreen, aSofterRenderingIsNotedNextToIt) {
   LessonOutcome outcome = scored({required("a", true)});
   EXPECT_TRUE(verdictOf(outcome).lowered.empty());
-  outcome.summary.stiffness_share = 0.551;
+  outcome.summary.shares.lever = 0.551;
   EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("55 % of the profile's stiffness"));
   outcome.summary.left_out = bitOf(Effect::kBone);
   EXPECT_THAT(verdictOf(outcome).lowered, HasSubstr("Bone was left out"));
