@@ -130,10 +130,11 @@ std::string deviceText(const DeviceStudy& study) {
                         padded(shortNumber(1e3 * one.row.second_energy_J.value_or(0)), 18),
                         shortNumber(one.row.hold_swing_N));
   return text +
-         fmt::format("The stiffest safe scene: {}; by what is told, (b + {:g})/(T (½ + D)): {:.0f} N/m.\n",
-                     study.safe_N_per_m ? fmt::format("{:.0f} N/m", *study.safe_N_per_m)
-                                        : fmt::format("none, not even {:g} N/m", kSoftest_N_per_m),
-                     kLightestGrip_Ns_per_m, study.most_N_per_m);
+         fmt::format(
+             "The stiffest safe wall: {}; (b + {:g})/(T (½ + D)), with the delay that it is told, is {:.0f} N/m.\n",
+             study.safe_N_per_m ? fmt::format("{:.0f} N/m", *study.safe_N_per_m)
+                                : fmt::format("none, not even {:g} N/m", kSoftest_N_per_m),
+             kLightestGrip_Ns_per_m, study.most_N_per_m);
 }
 
 nlohmann::ordered_json deviceJson(const DeviceStudy& study) {

@@ -21,6 +21,7 @@
 #include "common/base/program.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/body/path_stack.h"
+#include "common/haptics/gate/handle_stiffness.h"
 #include "common/haptics/surface.h"
 #include "common/profile/scene_of_profile.h"
 
@@ -29,7 +30,6 @@ namespace {
 
 constexpr std::array<int, 5> kDelays_ticks = {1, 2, 3, 4, 6};
 constexpr double kPeriod_s = 1e-3;
-constexpr double kGrip_Ns_per_m = 0.9;  // of the lightest grip
 
 /// A device, alone or with that grip. A Virtuose's limits are the defaults.
 struct Holder {
@@ -54,9 +54,9 @@ struct Holder {
 };
 constexpr std::array<Holder, 4> kHolders = {
     {{"Virtuose", "virtuose", {}, 0},
-     {"Virtuose and grip", "virtuose_grip", {}, kGrip_Ns_per_m},
+     {"Virtuose and grip", "virtuose_grip", {}, kLightestGrip_Ns_per_m},
      {"Falcon", "falcon", falcon::kLimits, 0},
-     {"Falcon and grip", "falcon_grip", falcon::kLimits, kGrip_Ns_per_m}}};
+     {"Falcon and grip", "falcon_grip", falcon::kLimits, kLightestGrip_Ns_per_m}}};
 
 struct StiffnessRow {
   std::string profile;

@@ -295,7 +295,9 @@ double heldEnergy_J(const SceneModel& model, const SimState& state, const StepRe
   const double tissue_N = report.cutting_N + report.attracted_N;
   double held_J = spring_J(tissue_N, model.axial_stiffness_N_per_m);
   for (const EffectEntry* entry : effectEntries()) {
-    if (entry->stiffness_N_per_m == nullptr || entry->effect == Effect::kClamping) continue;
+    if (entry->stiffness_N_per_m == nullptr || entry->effect == Effect::kClamping ||
+        entry->effect == Effect::kPuncture)
+      continue;
     if (model.isLive(entry->effect))
       held_J += spring_J(entry->value(report), entry->stiffness_N_per_m(model));
   }
@@ -303,7 +305,7 @@ double heldEnergy_J(const SceneModel& model, const SimState& state, const StepRe
     const double felt_m = dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m) - state.bone.held_m;
     const double membrane_m = std::max(0.0, felt_m - cuttingPosition(state, felt_m));
     held_J += std::fabs(tissue_N + report.friction_N) * (membrane_m + state.bone.held_m) +
-              std::fabs(report.puncture_N) * state.bone.held_m;
+              std::fabs(report.puncture_N) * (0.5 * membrane_m + state.bone.held_m);
   }
   // f·e − f²/(2k), also where f is at its greatest
   const double fixture_J = report.clamping_N * report.lateral_error_m -

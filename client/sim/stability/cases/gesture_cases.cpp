@@ -147,7 +147,7 @@ PassivitySettings toldOf(Trial& t) {
   return told;
 }
 
-// Lowers the scene to what is stable with what is told, as a station does, and returns the share.
+// Lowers the scene as a station does that counts on these numbers, and returns the share.
 Result<double> lowerForDelay(Trial& t) {
   if (t.has("full_stiffness") || !axialEntry(t.scene.axial_model).has_tracking_wall) return 1.0;
   const PassivitySettings told = toldOf(t);

@@ -102,5 +102,40 @@ TEST(Energy, noForceStepWithoutADeclaredRelease) {
   }
 }
 
+// heldEnergy_J against the work that a slow way back gets: no less, and not much more. At these depths
+// tissue, a membrane, or both are stretched; then the fixture, aside, to where its force is at its greatest.
+TEST(HeldEnergy, isWhatASlowWayBackGets) {
+  const SceneSpec scene = withClamping(allEffects(), ClampingMode::kConservative);
+  const Quat down{1, 0, 0, 0};
+  struct Stretch {
+    double depth_m, aside_m;
+  };
+  double greatest_J = 0;
+  for (const Stretch& to : {Stretch{0.001, 0}, Stretch{0.0021, 0}, Stretch{0.008, 0}, Stretch{0.02, 0},
+                            Stretch{0.02, 0.002}, Stretch{0.02, 0.006}, Stretch{0.03, 0.012}}) {
+    EngineRun run(scene, kRate_hz);
+    Vec3 before_W_m{0, 0, 0.005};
+    StepReport report = run.step({before_W_m, down});
+    const auto go = [&](Vec3 by) {
+      const Vec3 now_W_m = before_W_m + by;
+      const StepReport next = run.step({now_W_m, down});
+      const double work_J = 0.5 * dot(report.wrench_W.force_N + next.wrench_W.force_N, by);
+      before_W_m = now_W_m;
+      report = next;
+      return work_J;
+    };
+    while (before_W_m.z > -to.depth_m) go({0, 0, -1e-5});
+    while (before_W_m.x < to.aside_m) go({1e-5, 0, 0});
+    const double held_J = heldEnergy_J(run.model(), run.state(), report);
+    double back_J = 0, most_J = 0;
+    while (before_W_m.x > 0) most_J = std::max(most_J, back_J += go({-1e-5, 0, 0}));
+    while (before_W_m.z < 0) most_J = std::max(most_J, back_J += go({0, 0, 1e-5}));
+    EXPECT_GE(held_J, 0.99 * most_J) << to.depth_m << ", " << to.aside_m;
+    EXPECT_LE(held_J, 1.25 * most_J) << to.depth_m << ", " << to.aside_m;
+    greatest_J = std::max(greatest_J, most_J);
+  }
+  EXPECT_GT(greatest_J, 3e-3);
+}
+
 }  // namespace
 }  // namespace needlelab::test
