@@ -117,6 +117,7 @@ int run(const RunOptions& options) {
   const auto scene = loadOffline(input);
   if (!scene.ok()) return failed("run", scene.error());
   printWarnings(*scene);
+  if (recorded) printPartOfGesture(samples, input.rate_hz.value_or(0));
   const auto spec = sceneSpecOf(scene->profile, scene->X_WL);
   if (!spec.ok()) return failed("run", spec.error());
   const auto tip = [&](std::size_t i) { return recorded ? tipOf(samples[i]) : scene->tip(i); };

@@ -155,6 +155,7 @@ int score(const ScoreOptions& options) {
   const OfflineScene& scene = scored->scene;
   printWarnings(scene);
   for (const std::string& hole : scored->holes) std::fprintf(stderr, "damaged: %s\n", hole.c_str());
+  if (!options.recorded.empty()) printPartOfGesture(scored->samples, scene.rate_hz);
   const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return failed("score", spec.error());
   warnOfDirection("score", spec->limb, scored->samples.size(),

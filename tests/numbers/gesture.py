@@ -161,6 +161,12 @@ class Gesture:
         gaps = [self.at_s[b] - self.at_s[a] for a, b in ((i - 1, i), (i, i + 1)) if a >= 0 and b < self.count]
         return sum(0.5 * gap for gap in gaps if gap <= BRIDGE_S)
 
+    def holes(self):
+        """The time that is missing, and whether it can hide a part of an insertion: tissue before or behind a hole, or a second."""
+        gaps = [(self.at_s[i] - self.at_s[i - 1], self.inside[i - 1] or self.inside[i]) for i in range(1, self.count)]
+        gaps = [(gap, by_tissue) for gap, by_tissue in gaps if gap > BRIDGE_S]
+        return sum(gap for gap, _ in gaps), any(by_tissue or gap >= 1 for gap, by_tissue in gaps)
+
     def opening_behind_tip(self):
         needle = self.profile.get("needle", {})
         d = needle.get("outer_diameter_m") or DIAMETER_MM.get(needle.get("gauge"), 0) * 1e-3
@@ -403,6 +409,11 @@ def syringe(g, result):
 
 def motion(g, runs, result):
     result["elapsed_s"] = g.at_s[-1]
+    contact = next((at_s for at_s, inside, flags in zip(g.at_s, g.inside, g.flags) if inside and not flags & CAPPED), None)
+    if contact is not None:
+        result["needle_time_s"] = g.at_s[-1] - contact
+    if g.holes()[0]:
+        result["missing_s"] = g.holes()[0]
     result["path_length_m"] = sum(sum(r.steps) for r in runs)
     result["time_in_tissue_s"] = sum(r.period_s * sum(r.inside) for r in runs)
     result["path_in_tissue_m"] = sum(s * i for r in runs for s, i in zip(r.steps, r.inside))
@@ -439,7 +450,7 @@ def motion(g, runs, result):
     result["clamping_work_j"] = work
 
 
-def tissue(g, runs, result):
+def tissue(g, runs, asked, result):
     within = [i for i in range(g.count) if g.inside[i]]
     result["peak_force_n"] = max([0.0] + [force for force, flags in zip(g.force, g.flags) if not flags & CAPPED])
     result["greatest_depth_m"] = max([0.0] + [g.depth(g.tip[i]) for i in within])
@@ -460,8 +471,9 @@ def tissue(g, runs, result):
         impulses[k] += g.force[i] * g.weight_s(i)
         times[k] += g.weight_s(i)
     for k, peak in enumerate(peaks):
-        result[f"peak_force_layer_{k + 1}_n"] = peak
-        if times[k] > 0:
+        if peak or f"peak_force_layer_{k + 1}_n" in asked:
+            result[f"peak_force_layer_{k + 1}_n"] = peak
+        if times[k] > 0 and (impulses[k] > 0 or f"mean_force_layer_{k + 1}_n" in asked):
             result[f"mean_force_layer_{k + 1}_n"] = impulses[k] / times[k]
     entries = [i for i in within if i == 0 or not g.inside[i - 1] or g.flags[i] & ENTRY]
     result["entries"] = len(entries)
@@ -520,7 +532,7 @@ def contacts(moments):
     return count
 
 
-def aim(g, result):
+def aim(g, dwell_s, result):
     within = [i for i in range(g.count) if g.inside[i]]
     touched = sum(touches(g, within, a, b, radius) for _, _, a, b, radius in g.hazards)
     result["hazards_touched"] = touched
@@ -535,7 +547,14 @@ def aim(g, result):
         return
     distance = {i: min(norm(sub(g.tip[i], c)) for _, c, *_ in g.targets) for i in within}
     hits = [i for i in within if any(g.from_target(t, g.tip[i]) <= 0 for t in g.targets)]
-    result["target_reached"] = int(bool(hits))
+    # the longest stay; a tick out of it for up to 0.1 s does not end one. (In layers no hazard can lie between a target and itself.)
+    stays, last = [0.0], None
+    for i in hits:
+        if last is None or g.at_s[i] - g.at_s[last] > BRIDGE_S:
+            stays.append(0.0)
+        stays[-1] += g.weight_s(i)
+        last = i
+    result["target_reached"] = int(bool(hits) and max(stays) >= dwell_s * (1 - 1e-9))
     result["time_at_target_s"] = sum(g.weight_s(i) for i in hits)
     if within:
         last = [i for i in within if i == 0 or not g.inside[i - 1]][-1]
@@ -572,14 +591,16 @@ def plan(g, planned, result):
         result["mean_planned_line_error_m"] = sum(off[i] * g.weight_s(i) for i in within) / seconds
 
 
-def measures_of(g, planned=None):
-    """name -> value for every measure except dtw_distance_m, which needs the references."""
+def measures_of(g, exercise=None):
+    """name -> value for every measure except dtw_distance_m, which needs the references. `exercise`: its JSON."""
+    exercise = exercise or {}
+    asked = {r["measure"] for r in exercise.get("requirements", [])}
     result = {}
     runs = runs_of(g)
     motion(g, runs, result)
-    tissue(g, runs, result)
-    aim(g, result)
+    tissue(g, runs, asked, result)
+    aim(g, exercise.get("target_dwell_s", 0.5), result)
     syringe(g, result)
-    if planned:
-        plan(g, planned, result)
+    if "plan" in exercise:
+        plan(g, exercise["plan"], result)
     return result

@@ -63,7 +63,7 @@ def measured(held, facts, sessions):
         held.same("stored session", "the trainee stands in the row alone", s["uuid"], 3 in said, False)
         held.same("stored score", "samples in the chunks", s["uuid"], s["samples"], g.count)
         asked = facts.exercises[s["exercise_id"]]["json"] if s["exercise_id"] in facts.exercises else {}
-        own = measures_of(g, plan_of(facts, s))
+        own = measures_of(g, asked)
         seen = {m["measure"]: m["value"] for m in s["score"] if m["value"] is not None and m["measure"] != "dtw_distance_m"}
         held.same("stored score", "which measures there are", s["uuid"], sorted(own), sorted(seen))
         for name, value in own.items():
@@ -71,11 +71,14 @@ def measured(held, facts, sessions):
                 held.close("stored score", name.split("_layer_")[0] + ("_layer_K_n" if "_layer_" in name else ""), s["uuid"], float(value), seen[name], 1e-8)
         limits = {r["measure"]: (r.get("min"), r.get("max")) for r in asked.get("requirements", [])}
         if "time_limit_s" in asked:
-            limits["elapsed_s"] = (None, asked["time_limit_s"])
+            limits["needle_time_s"] = (None, asked["time_limit_s"])
         for m in s["score"]:
             low, high = limits.get(m["measure"], (None, None))
             held.same("stored score", "min and max: the exercise's", f"{s['uuid']} {m['measure']}", [low, high], [m.get("min"), m.get("max")])
-        met = [m["value"] is not None and (m.get("min") is None or m["value"] >= m["min"]) and (m.get("max") is None or m["value"] <= m["max"])
+        for m in s["score"]:
+            hidden = g.holes()[1] and m["measure"] not in ("elapsed_s", "missing_s") and m["value"] is not None
+            held.same("stored score", "incomplete: a hole may hide a part", f"{s['uuid']} {m['measure']}", hidden, m.get("incomplete", False))
+        met = [m["value"] is not None and not m.get("incomplete") and (m.get("min") is None or m["value"] >= m["min"]) and (m.get("max") is None or m["value"] <= m["max"])
                for m in s["score"] if m["measure"] in limits]
         held.same("stored score", "passed: all requirements met", s["uuid"], all(met) if met else None, s["verdict"])
     return gestures

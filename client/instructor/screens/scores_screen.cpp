@@ -55,7 +55,7 @@ void ScoresScreen::showMeasures(const ReportData& data) {
       ImGui::TableNextColumn();
       textLine(measureWords(measure.name, names));
       ImGui::TableNextColumn();
-      textLine(measure.measured ? measureText(measure.name, measure.value, measure.unit) : measure.words);
+      textLine(rowText(measure));
       ImGui::TableNextColumn();
       textLine(requirementText(measure.name, measure.unit, measure.min, measure.max));
       ImGui::TableNextColumn();

@@ -30,9 +30,8 @@ std::vector<ActiveAlarm> LessonAlarms::update(const AlarmFacts& facts) {
   }
   if (facts.fault != Fault::kNone) now.push_back({Alarm::kFault, faultText(facts.fault)});
   if (facts.fault == Fault::kNone && !facts.hold.empty()) now.push_back({Alarm::kDevice, facts.hold});
-  const double left_s = facts.limit_s - facts.time_s;
-  if (facts.limit_s > 0 && left_s < kTimeAlarm_s)
-    now.push_back({Alarm::kTime, fmt::format("{:.0f} s left", std::ceil(std::max(0.0, left_s)))});
+  if (facts.left_s && *facts.left_s < kTimeAlarm_s)
+    now.push_back({Alarm::kTime, fmt::format("{:.0f} s left", std::ceil(*facts.left_s))});
   std::stable_sort(now.begin(), now.end(),
                    [](const ActiveAlarm& a, const ActiveAlarm& b) { return a.alarm < b.alarm; });
   soundNew(now, counts, facts.gesture_shown);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,9 +19,9 @@ inline constexpr double kTimeAlarm_s = 10;
 /// The lesson's state, 20 times a second.
 struct AlarmFacts {
   Fault fault = Fault::kNone;
-  std::string hold;                ///< reason for zero force without a fault; empty: force is on
-  double time_s = 0, limit_s = 0;  ///< since the first tick; 0: no limit
-  bool gesture_shown = true;       ///< the trainee has the aid ALARMS
+  std::string hold;              ///< reason for zero force without a fault; empty: force is on
+  std::optional<double> left_s;  ///< of the time limit; empty: none
+  bool gesture_shown = true;     ///< the trainee has the aid ALARMS
 };
 
 class LessonAlarms {

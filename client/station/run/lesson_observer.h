@@ -27,7 +27,6 @@ struct LessonBeginning {
   StationLesson lesson;
   Pose X_WL;
   double rate_hz = 1000;
-  double time_limit_s = 0;  ///< 0: none
   DeviceInfo device;
   std::vector<std::string> device_notes;   ///< its limits, and the substitutes for them
   std::shared_ptr<HandSteering> steering;  ///< input of a steered hand; null for other hands
@@ -36,7 +35,9 @@ struct LessonBeginning {
 
 /// The state of loop and device, 20 times a second.
 struct LessonStatus {
-  double time_s = 0;  ///< since the loop's first tick
+  double time_s = 0;             ///< since the loop's first tick
+  std::optional<double> left_s;  ///< of the time limit; empty: none
+  bool limit_runs = false;       ///< false: it begins with the needle's first contact
   Fault fault = Fault::kNone;
   bool cause_lasts = false, acknowledged = false;
   bool waits = false;           ///< true: a fault waits for an acknowledgement; false: it ends the lesson

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
@@ -104,6 +105,13 @@ void LoopWatch::showStatus(const WatchedState& state) {
   view.aids = aids_;
   LessonStatus status;
   status.time_s = view.time_s;
+  const auto contact =
+      watched_.limit_from_start ? std::optional<std::uint64_t>(0) : watched_.loop.firstContact();
+  status.limit_runs = contact.has_value();
+  if (watched_.limit_s > 0)
+    status.left_s = std::max(
+        0.0, watched_.limit_s -
+                 (contact ? status.time_s - static_cast<double>(*contact) / watched_.options.rate_hz : 0));
   status.fault = state.fault;
   status.cause_lasts = state.cause_lasts;
   status.acknowledged = state.acknowledged;
@@ -118,8 +126,7 @@ void LoopWatch::showStatus(const WatchedState& state) {
   const std::string& room = watched_.home.guard().trouble();
   const bool both = !room.empty() && !server.server_full.empty();
   status.room = room + (both ? "; " : "") + server.server_full;
-  status.alarms =
-      watched_.alarms.update({status.fault, status.hold, status.time_s, watched_.limit_s, alarms_shown_});
+  status.alarms = watched_.alarms.update({status.fault, status.hold, status.left_s, alarms_shown_});
   watched_.home.observer().status(status);
   const std::int64_t now_ns = watched_.home.time().nowNs();
   if (liveLine().due(now_ns)) liveLine().show(view, now_ns);

@@ -29,7 +29,8 @@ struct WatchedLesson {
   const DeviceMaintenance& maintenance;
   FaultPolicy on_fault = FaultPolicy::kEnd;
   LessonAlarms& alarms;
-  double limit_s = 0;  ///< time limit of the lesson; 0: none
+  double limit_s = 0;             ///< time limit of the lesson; 0: none
+  bool limit_from_start = false;  ///< it counts from the first tick; else from the needle's first contact
 };
 
 /// Looks every 50 ms of the home's time: first 50 ms after the beginning, for the last time after the loop

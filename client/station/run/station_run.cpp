@@ -126,10 +126,11 @@ Status StationRun::openDevice() {
   RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
   RETURN_IF_ERROR(device_->open(options_.rate_hz));
 
-  time_limit_s_ = options_.seconds;
-  if (time_limit_s_ == 0 && lesson_.exercise && lesson_.exercise->time_limit_s() > 0)
-    time_limit_s_ = lesson_.exercise->time_limit_s();
-  max_ticks_ = static_cast<std::uint64_t>(std::llround(time_limit_s_ * options_.rate_hz));
+  // --seconds counts from the first tick, an exercise's time limit from the needle's first contact
+  limit_from_start_ = options_.seconds > 0;
+  time_limit_s_ = limit_from_start_  ? options_.seconds
+                  : lesson_.exercise ? lesson_.exercise->time_limit_s()
+                                     : 0;
   return {};
 }
 
@@ -196,7 +197,6 @@ void StationRun::announce() {
   beginning->lesson = lesson_;
   beginning->X_WL = options_.X_WL;
   beginning->rate_hz = options_.rate_hz;
-  beginning->time_limit_s = time_limit_s_;
   beginning->device = device_->info();
   beginning->device_notes = device_notes_;
   beginning->steering = steering_;
@@ -254,7 +254,9 @@ Status StationRun::practise() {
   LoopTime clock(rt_options.spin_ns);
   EnterKey enter(STDIN_FILENO);
   const bool is_attended = options_.opensWindow() || enter.isTerminal();
-  ServoSettings settings{options_.rate_hz, options_.X_HT, max_ticks_};
+  ServoSettings settings{options_.rate_hz, options_.X_HT};
+  (limit_from_start_ ? settings.max_ticks : settings.needle_ticks) =
+      static_cast<std::uint64_t>(std::llround(time_limit_s_ * options_.rate_hz));
   settings.on_fault = options_.on_fault.value_or(is_attended ? FaultPolicy::kWait : FaultPolicy::kEnd);
   settings.black_box = &black_box;
   settings.plunger = options_.plunger;
@@ -283,9 +285,9 @@ Status StationRun::practise() {
   for (const std::string& line : rtStepLines(realtime_)) logMessage("real time: " + line);
   {
     const DeviceMaintenance maintenance(*device_, home_.time());
-    LoopWatch watch(
-        {home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault, alarms_, time_limit_s_},
-        signals_, enter);
+    LoopWatch watch({home_, options_, lesson_, *loop_, *writer_, maintenance, settings.on_fault, alarms_,
+                     time_limit_s_, limit_from_start_},
+                    signals_, enter);
     watch.run();
     interrupted_ = interrupted_ || watch.interrupted();
     if (watch.stopped()) stopped_ = watch.stopped();

@@ -108,7 +108,7 @@ class StationRun {
   std::vector<RtStep> realtime_;
   BlackBoxCounts black_box_;
   double time_limit_s_ = 0;
-  std::uint64_t max_ticks_ = 0;
+  bool limit_from_start_ = false;
   bool interrupted_ = false;
   std::optional<StopCause> stopped_;
   Status stored_;

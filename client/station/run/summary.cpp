@@ -211,7 +211,8 @@ Json missRow(const std::optional<Miss>& miss) {
   if (!miss) return nullptr;
   return {{"in_target", miss->in_target},
           {"aside_m", miss->aside_m},
-          {"too_deep_m", miss->has_depth ? Json(miss->too_deep_m) : Json(nullptr)},
+          {"too_deep_m", miss->too_deep_m},
+          {"through", miss->through},
           {"towards", miss->towards},
           {"at", miss->at == Miss::At::kInjection ? "injection" : "furthest point"},
           {"words", missText(*miss)}};

@@ -28,12 +28,13 @@ struct Gesture {
   Anatomy anatomy;
   const pb::Profile* profile = nullptr;
   std::optional<PlannedLine> plan_W;  ///< the exercise's, if it has one
+  double dwell_s = 0;                 ///< how long the tip must stay in a target to reach it
 
   /// The duration of sample `i` in s: half of the time to each neighbour in its run. 0 for a single sample.
   [[nodiscard]] double weight_s(std::size_t i) const;
 };
 
-/// In W.
+/// The tip in W.
 inline Vec3 tipOf(const GestureSample& s) {
   return {s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
 }
@@ -72,6 +73,12 @@ struct GestureFacts {
   double elapsed_s = 0, path_m = 0, path_in_m = 0, time_s = 0, time_in_s = 0, peak_mps = 0, swept_m2 = 0;
   std::optional<double> sparc, ldlj;
   int movements = 0, turns = 0;  // (findActions)
+
+  std::optional<double> needle_s;  ///< since the uncapped needle's first contact; empty: there was none
+
+  // holes: gaps of more than kLongestBridge_s between samples
+  double missing_s = 0;     ///< their time
+  bool incomplete = false;  ///< one began or ended in tissue, or was long enough for an insertion
 
   // the needle in tissue
   double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0;

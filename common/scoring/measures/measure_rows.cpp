@@ -21,7 +21,10 @@ namespace needlelab {
 // in 8.
 // 11: a step that only touches the tick of an entry or exit is outside tissue (ldlj; turns and movements
 // there).
-const std::uint32_t kScoreDefinitionVersion = 11;
+// 12: a needle that came through a hazard behind the target's near side is not in the target; a target is
+// reached by a stay (0.5 s unless the exercise says otherwise); time from the first contact, which time
+// limits refer to; holes in the recording; no peak force of a layer that the tip was never in.
+const std::uint32_t kScoreDefinitionVersion = 12;
 
 namespace {
 
@@ -32,6 +35,10 @@ using Facts = GestureFacts;
 template <auto kMember>
 Value fact(const Facts& facts, std::size_t /*layer*/) {
   return facts.*kMember;
+}
+
+Value missing(const Facts& facts, std::size_t /*layer*/) {
+  return facts.missing_s > 0 ? Value(facts.missing_s) : std::nullopt;
 }
 
 Value meanSpeed(const Facts& facts, std::size_t /*layer*/) {
@@ -98,9 +105,28 @@ constexpr MeasureKind kMeasureKinds[] = {
      .better = Better::kLess,
      .definition = "from the first tick to the last",
      .value = fact<&Facts::elapsed_s>,
-     .role = MeasureRole::kTime,
      .in_lists = 1,
-     .in_reports = 1},
+     .in_reports = 1,
+     .over_holes = true},
+    {.name = "needle_time_s",
+     .unit = "s",
+     .words = "Time from the first contact",
+     .better = Better::kLess,
+     .definition =
+         "from the first contact of the uncapped needle with tissue to the last tick; an exercise's "
+         "time limit refers to it",
+     .value = fact<&Facts::needle_s>,
+     .need = MeasureNeed::kTissue,
+     .role = MeasureRole::kTime},
+    {.name = "missing_s",
+     .unit = "s",
+     .words = "Missing from the recording",
+     .better = Better::kLess,
+     .definition = "holes of more than 0.1 s, in which the station stood still; no row without holes. If the "
+                   "needle was in tissue before or behind a hole, or the hole lasts 1 s, the other measures "
+                   "are incomplete, and a requirement on one is not passed",
+     .value = missing,
+     .over_holes = true},
     {.name = "path_length_m",
      .unit = "m",
      .words = "Path of the tip",
@@ -209,8 +235,8 @@ constexpr MeasureKind kMeasureKinds[] = {
      .unit = "N",
      .words = "Peak force in layer K",
      .better = Better::kLess,
-     .definition = "while the tip was in layer K (1 is the skin's); 0 where it never was; not in the first "
-                   "10 ms behind a boundary between layers",
+     .definition = "while the tip was in layer K (1 is the skin's); no row where it never was, unless the "
+                   "exercise asks for it: 0; not in the first 10 ms behind a boundary between layers",
      .value = peakForceInLayer,
      .need = MeasureNeed::kLayer},
     {.name = "mean_force_layer_K_n",
@@ -279,7 +305,10 @@ constexpr MeasureKind kMeasureKinds[] = {
     {.name = "target_reached",
      .words = "Target reached",
      .better = Better::kMore,
-     .definition = "1: the tip was in a target, in one of its tissues, else 0",
+     .definition =
+         "1: the tip stayed in a target, in one of its tissues, for as long as the exercise says, else "
+         "for 0.5 s; else 0. Behind a hazard that the needle came through after it was in the target, "
+         "it is in no target",
      .value = fact<&Facts::target_reached>,
      .need = MeasureNeed::kTarget,
      .form = MeasureForm::kYesNo,
@@ -289,7 +318,7 @@ constexpr MeasureKind kMeasureKinds[] = {
      .unit = "s",
      .words = "Time at the target",
      .better = Better::kNeither,
-     .definition = "time of the tip in a target, in one of its tissues",
+     .definition = "time of the tip in a target, in one of its tissues, all stays together",
      .value = fact<&Facts::at_target_s>,
      .need = MeasureNeed::kTarget},
     {.name = "target_distance_m",

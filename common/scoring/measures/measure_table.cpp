@@ -150,6 +150,11 @@ std::string measureText(std::string_view measure, double value, const std::strin
   return valueText(value, unit);
 }
 
+std::string rowText(const Measure& row) {
+  if (!row.measured) return row.words;
+  return measureText(row.name, row.value, row.unit) + (row.incomplete ? " (incomplete)" : "");
+}
+
 std::string meanText(std::string_view measure, double value, const std::string& unit) {
   return formOf(measure) == MeasureForm::kYesNo ? percentText(value) : measureText(measure, value, unit);
 }

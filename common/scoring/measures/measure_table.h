@@ -96,8 +96,9 @@ struct MeasureKind {
   /// For measures without a unit: the largest difference between two rates of the loop that counts as equal
   /// in studies (client/sim/skill).
   double rate_tolerance = 0;
-  YesNoWords yes_no = {};                                      ///< for MeasureForm::kYesNo
-  FaultWords fault = {};                                       ///< empty: does not spoil a reference
+  bool over_holes = false;  ///< holds although a part of the recording is missing
+  YesNoWords yes_no = {};   ///< for MeasureForm::kYesNo
+  FaultWords fault = {};    ///< empty: does not spoil a reference
   std::string (*detail)(const GestureFacts& facts) = nullptr;  ///< appended to the words of a score's row
 };
 
@@ -110,6 +111,7 @@ struct Measure {
   std::optional<double> max;
   std::optional<bool> passed;  ///< whether the requirement is met; empty without a requirement
   std::string words;           ///< the measure and its requirement as a sentence for a person
+  bool incomplete = false;     ///< a hole in the recording may hide a part of it
   bool measured =
       true;  ///< false: required by the exercise, but this gesture has no such measure; `value` is 0
 };
@@ -142,6 +144,8 @@ std::string percentText(double share);
 /// Formats a measure's value or limit for people, in its form: "3.2 N", "8 %", "yes". `unit`: the row's.
 /// tests/data/scoring/measure_texts.json has examples that also bind the console.
 std::string measureText(std::string_view measure, double value, const std::string& unit);
+/// A row's value for people: "3.2 N", "2.3 s (incomplete)"; its words if nothing was measured.
+std::string rowText(const Measure& row);
 /// As measureText, for a mean or a slope: yes-or-no measures are in percent, because half a yes has no
 /// meaning.
 std::string meanText(std::string_view measure, double value, const std::string& unit);

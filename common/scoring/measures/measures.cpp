@@ -243,6 +243,14 @@ std::vector<Measure> scoreGesture(std::span<const GestureSample> samples, double
   return scoreGesture(RecordedSamples(samples), rate_hz, profile, X_WL, exercise, references);
 }
 
+namespace {
+
+double dwellOf(const pb::Exercise* exercise) {
+  return exercise != nullptr && exercise->has_target_dwell_s() ? exercise->target_dwell_s() : 0.5;
+}
+
+}  // namespace
+
 /// The parts of a score, in the order in which they are made.
 struct GestureScore::Parts {
   enum class Stage { kMotionCost, kRuns, kMotion, kActions, kSamples, kGroups, kSyringe, kReferences, kDone };
@@ -301,7 +309,8 @@ bool GestureScore::Parts::goOn(StepWork& work) {
       return true;
     case Stage::kRuns:
       if (!runs.step(work)) return false;
-      gesture.emplace(Gesture{samples, rate_hz, runs.take(), anatomyOf(profile, X_WL), &profile, {}});
+      gesture.emplace(
+          Gesture{samples, rate_hz, runs.take(), anatomyOf(profile, X_WL), &profile, {}, dwellOf(exercise)});
       if (exercise != nullptr) gesture->plan_W = plannedLineOf(*exercise, X_WL);
       if (gesture->plan_W && gesture->anatomy.has_limb)
         gesture->plan_W = onSkin(*gesture->plan_W, gesture->anatomy.limb).value_or(*gesture->plan_W);

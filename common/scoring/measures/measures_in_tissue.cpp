@@ -16,6 +16,7 @@
 #include "common/scoring/anatomy/structure_region.h"
 #include "common/scoring/measures/measure_groups.h"
 #include "common/scoring/measures/syringe_events.h"
+#include "common/scoring/targets/needle_way.h"
 
 namespace needlelab {
 namespace {
@@ -128,15 +129,6 @@ class Inefficiency {
   bool was_inside_ = false;
 };
 
-Vec3 axisOf(const GestureSample& s) {
-  return zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
-}
-
-/// The shaft's point at the skin: back from the tip by the inserted length, along the needle.
-Vec3 skinPointOf(const GestureSample& s) {
-  return tipOf(s) - s.insertion_m * axisOf(s);
-}
-
 /// The point where the tip passed through the skin, as in the engine (FORCE_MODEL.md, "Contact"): where the
 /// depth is 0 on the straight line between the last tick outside and the first one inside (sample `first`).
 /// If the previous tick is missing, back along the needle by its inserted length.
@@ -149,22 +141,15 @@ Vec3 entryAt(const Gesture& gesture, std::size_t first) {
                  inside_m = signedDepth(gesture.anatomy.limb, tip);
     if (outside_m >= 0 && inside_m > 0) return before + outside_m / (outside_m + inside_m) * (tip - before);
   }
-  return skinPointOf(samples[first]);
+  return wayOf(samples[first]).skin_W_m;
 }
 
-/// Distance of the tip from the nearest target's centre, and whether it is in that target.
-struct Aim {
+/// Distance of the tip from the nearest target's centre.
+double fromCentre(const Anatomy& anatomy, Vec3 tip_W_m) {
   double distance_m = std::numeric_limits<double>::infinity();
-  bool reached = false;
-};
-
-Aim aimOf(const Anatomy& anatomy, Vec3 tip_W_m) {
-  Aim aim;
-  for (const Target& target : anatomy.targets) {
-    aim.distance_m = std::min(aim.distance_m, norm(tip_W_m - target.ball.a_W_m));
-    aim.reached = aim.reached || distanceTo(anatomy, target, tip_W_m) <= 0;
-  }
-  return aim;
+  for (const Target& target : anatomy.targets)
+    distance_m = std::min(distance_m, norm(tip_W_m - target.ball.a_W_m));
+  return distance_m;
 }
 
 }  // namespace
@@ -178,6 +163,36 @@ double Gesture::weight_s(std::size_t i) const {
 }
 
 namespace {
+
+/// What was recorded, and since when the needle was used.
+/// - `needle_s`: from the first tick in which the uncapped tip was in tissue to the last one.
+/// - `missing_s`: time of the holes. `incomplete`: the needle was in tissue before or behind a hole, or a
+///   hole was long enough for an insertion.
+class WholeGroup : public SampleGroup {
+ public:
+  explicit WholeGroup(GestureFacts& facts) : gesture_(*facts.gesture), facts_(facts) {}
+
+  void add(std::size_t i) override {
+    constexpr double kInsertion_s = 1;
+    const GestureSample& sample = gesture_.samples[i];
+    const double gap_s = i > 0 ? secondsBetween(before_, sample, gesture_.rate_hz) : 0;
+    if (gap_s > kLongestBridge_s) {
+      facts_.missing_s += gap_s;
+      if (isInside(before_) || isInside(sample) || gap_s >= kInsertion_s) facts_.incomplete = true;
+    }
+    before_ = sample;
+    if (!contact_ && isInside(sample) && (sample.flags & kFlagCapped) == 0) contact_ = sample;
+    if (contact_) facts_.needle_s = secondsBetween(*contact_, sample, gesture_.rate_hz);
+  }
+
+  bool finish(StepWork& /*work*/) override { return true; }
+
+ private:
+  const Gesture& gesture_;
+  GestureFacts& facts_;
+  GestureSample before_;
+  std::optional<GestureSample> contact_;
+};
 
 /// - `depth_m`: of the tip below the nearest skin. `insertion_m`: along the trajectory.
 /// - `peak_N`: greatest force on the hand in any tick. `impulse_Ns`, `weight_s`: over the time in tissue.
@@ -281,8 +296,9 @@ class Clearance {
 };
 
 /// Counted while the tip is in tissue.
-/// - `target_reached`: the tip was in a target, i.e. within its radius and in one of its tissues.
-///   `at_target_s`: the total time there.
+/// - `target_reached`: the tip stayed in a target (InTarget) for the exercise's dwell; less than 0.1 s
+/// outside
+///   does not end a stay. `at_target_s`: the total time there.
 /// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
 ///   last insertion; `target_nearest_m`: the least distance at any time.
 /// - `hazards_touched`: hazards touched by the tip or by the shaft in tissue (straight back along the
@@ -296,7 +312,8 @@ class AimGroup : public SampleGroup {
         facts_(facts),
         touched_(gesture_.anatomy.hazards.size(), false),
         clearances_(gesture_.anatomy.hazards.size()),
-        bones_(*gesture_.profile, gesture_.anatomy) {
+        bones_(*gesture_.profile, gesture_.anatomy),
+        in_target_(gesture_.anatomy) {
     facts_.has_landmark = gesture_.anatomy.landmark != nullptr;
     if (gesture_.anatomy.targets.empty()) return;
     facts_.target_reached = false;
@@ -315,22 +332,25 @@ class AimGroup : public SampleGroup {
         gesture_.anatomy.landmark->distance(tip) <= gesture_.profile->palpation().radius_m())
       facts_.landmark_s = time_s;
     if (!isInside(sample)) return;
-    const Vec3 skin = skinPointOf(sample);
+    const NeedleWay way = wayOf(sample);
     for (std::size_t h = 0; h < hazards.size(); ++h)
-      if (!touched_[h]) touched_[h] = clearances_[h].touches(hazards[h], tip, skin);
+      if (!touched_[h]) touched_[h] = clearances_[h].touches(hazards[h], tip, way.skin_W_m);
     if (gesture_.anatomy.targets.empty()) return;
-    const Aim aim = aimOf(gesture_.anatomy, tip);
-    nearest_m_ = std::min(nearest_m_, aim.distance_m);
-    if (!aim.reached) return;
-    facts_.target_reached = true;
+    nearest_m_ = std::min(nearest_m_, fromCentre(gesture_.anatomy, tip));
+    if (!in_target_(way)) return;
     *facts_.at_target_s += gesture_.weight_s(i);
+    if (!stayed_until_ || secondsBetween(*stayed_until_, sample, gesture_.rate_hz) > kLongestBridge_s)
+      stay_s_ = 0;
+    stay_s_ += gesture_.weight_s(i);
+    stayed_until_ = sample;
+    if (stay_s_ >= gesture_.dwell_s * (1 - 1e-9)) facts_.target_reached = true;
   }
 
   bool finish(StepWork& /*work*/) override {
     for (std::size_t h = 0; h < touched_.size(); ++h)
       if (touched_[h]) facts_.hazards_touched.push_back(gesture_.anatomy.hazards[h].name);
     if (gesture_.anatomy.targets.empty() || !final_.index) return true;
-    facts_.target_distance_m = aimOf(gesture_.anatomy, tipOf(gesture_.samples[*final_.index])).distance_m;
+    facts_.target_distance_m = fromCentre(gesture_.anatomy, tipOf(gesture_.samples[*final_.index]));
     facts_.target_nearest_m = nearest_m_;
     return true;
   }
@@ -342,6 +362,9 @@ class AimGroup : public SampleGroup {
   std::vector<Clearance> clearances_;  // likewise
   BoneContacts bones_;
   HubContacts hub_;
+  InTarget in_target_;
+  std::optional<GestureSample> stayed_until_;  // last tick in a target
+  double stay_s_ = 0;
   FinalPoint final_;
   double nearest_m_ = std::numeric_limits<double>::infinity();  // of targets
 };
@@ -373,7 +396,7 @@ class PlanGroup : public SampleGroup {
     if (!entry_m_ || !final_.index) return true;
     const PlannedLine& plan = *gesture_.plan_W;
     facts_.planned_entry_m = norm(*entry_m_ - plan.entry_m);
-    facts_.planned_angle_rad = angleTo(plan, axisOf(gesture_.samples[*final_.index]));
+    facts_.planned_angle_rad = angleTo(plan, wayOf(gesture_.samples[*final_.index]).axis_W);
     facts_.planned_line_m = largest_m_;
     return true;
   }
@@ -390,6 +413,7 @@ class PlanGroup : public SampleGroup {
 
 std::vector<std::unique_ptr<SampleGroup>> sampleGroups(GestureFacts& facts) {
   std::vector<std::unique_ptr<SampleGroup>> groups;
+  groups.push_back(std::make_unique<WholeGroup>(facts));
   groups.push_back(std::make_unique<TissueGroup>(facts));
   groups.push_back(std::make_unique<AimGroup>(facts));
   groups.push_back(std::make_unique<PlanGroup>(facts));

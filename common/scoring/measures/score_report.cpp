@@ -144,6 +144,7 @@ std::string scoreJson(std::span<const Measure> measures) {
     if (measure.min) row["min"] = *measure.min;
     if (measure.max) row["max"] = *measure.max;
     if (measure.passed) row["passed"] = *measure.passed;
+    if (measure.incomplete) row["incomplete"] = true;
     row["words"] = measure.words;
     rows.push_back(std::move(row));
   }
@@ -171,6 +172,7 @@ Result<std::vector<Measure>> parseScore(const std::string& json) {
     measure.min = limit(row, "min");
     measure.max = limit(row, "max");
     if (row.contains("passed") && row["passed"].is_boolean()) measure.passed = row["passed"].get<bool>();
+    if (const auto found = row.find("incomplete"); found != row.end()) measure.incomplete = *found == true;
     measures.push_back(std::move(measure));
   }
   return measures;
@@ -226,10 +228,27 @@ void applyRequirements(const pb::Exercise* exercise, const GestureFacts& facts,
       row.words = whyMissing(row, facts, layer_names);
       continue;
     }
-    if (is_required) row.passed = (!row.min || row.value >= *row.min) && (!row.max || row.value <= *row.max);
     const MeasureKind& kind = *measureKind(row.name);
-    row.words = statement(row, kind) + (is_required ? verdict(row, kind) : "");
+    row.incomplete = facts.incomplete && !kind.over_holes;
+    row.words = statement(row, kind);
+    if (!is_required) {
+      if (row.incomplete) row.words += " (incomplete)";
+      continue;
+    }
+    row.passed = (!row.min || row.value >= *row.min) && (!row.max || row.value <= *row.max);
+    if (row.incomplete && *row.passed) {
+      row.passed = false;
+      row.words +=
+          ": not judged, because " + valueText(facts.missing_s, "s") + " of the recording are missing";
+      continue;
+    }
+    row.words += verdict(row, kind);
   }
+  // layers that the tip was never in, or was in without any force
+  std::erase_if(measures, [](const Measure& row) {
+    const MeasureKind* const kind = measureKind(row.name);
+    return kind != nullptr && kind->need == MeasureNeed::kLayer && row.value == 0 && !row.passed;
+  });
 }
 
 bool isMeasureName(std::string_view name) {

@@ -18,6 +18,7 @@
 #include "common/profile/scene_of_profile.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/measures/measure_table.h"
+#include "common/scoring/targets/needle_way.h"
 
 namespace needlelab {
 namespace {
@@ -48,24 +49,17 @@ Surroundings surroundingsOf(const pb::Profile& profile, const Pose& X_WL) {
   return all;
 }
 
-Vec3 openingOf(const Surroundings& around, const GestureSample& s) {
-  const Vec3 tip{s.p_WT_m[0], s.p_WT_m[1], s.p_WT_m[2]};
-  if (around.opening_behind_tip_m == 0) return tip;
-  const Vec3 axis = zAxis(normalized(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
-  return tip - around.opening_behind_tip_m * axis;
+NeedleWay wayToOpening(const Surroundings& around, const GestureSample& sample) {
+  return wayOf(sample, around.opening_behind_tip_m);
 }
 
 bool isInTissue(const Surroundings& around, const GestureSample& sample, Vec3 opening_W_m) {
   return isInside(sample) && isUnderSkin(around.anatomy, opening_W_m);
 }
 
-bool isInTarget(const Surroundings& around, Vec3 p_W_m) {
-  return std::any_of(around.anatomy.targets.begin(), around.anatomy.targets.end(),
-                     [&](const Target& target) { return distanceTo(around.anatomy, target, p_W_m) <= 0; });
-}
-
 pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample) {
-  const Vec3 p = openingOf(around, sample);
+  const NeedleWay way = wayToOpening(around, sample);
+  const Vec3 p = way.end();
   pb::SyringePlace place;
   place.set_x_m(p.x);
   place.set_y_m(p.y);
@@ -83,7 +77,7 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
   }
   const Target* nearest = nullptr;
   for (const Target& target : around.anatomy.targets) {
-    const double distance = distanceTo(around.anatomy, target, p);
+    const double distance = distanceOn(around.anatomy, target, way);
     if (nearest != nullptr && distance >= place.target_distance_m()) continue;
     nearest = &target;
     place.set_target_distance_m(distance);
@@ -102,7 +96,11 @@ pb::SyringePlace placeOf(const Surroundings& around, const GestureSample& sample
 class Shares {
  public:
   Shares(const Surroundings& around, const Stroke& stroke)
-      : around_(&around), stroke_(stroke), next_(stroke.first), met_(around.anatomy.hazards.size(), false) {}
+      : around_(&around),
+        in_target_now_(around.anatomy),
+        stroke_(stroke),
+        next_(stroke.first),
+        met_(around.anatomy.hazards.size(), false) {}
 
   /// Returns true when all samples are taken.
   bool step(const RecordedSamples& samples, StepWork& work) {
@@ -143,15 +141,17 @@ class Shares {
       return known ? 0.5 * sign * (samples[b].plunger - samples[a].plunger) : 0.0;
     };
     const double way = (i > stroke_.first ? step(i - 1, i) : 0) + (i < stroke_.last ? step(i, i + 1) : 0);
-    const Vec3 p = openingOf(*around_, samples[i]);
+    const NeedleWay needle = wayToOpening(*around_, samples[i]);
+    const Vec3 p = needle.end();
     all_ += way;
     if (isInTissue(*around_, samples[i], p)) in_tissue_ += way;
-    if (isInTarget(*around_, p)) in_target_ += way;
+    if (in_target_now_(needle)) in_target_ += way;
     for (std::size_t h = 0; h < met_.size(); ++h)
       if (!met_[h] && distanceTo(around_->anatomy.hazards[h], p) <= 0) met_[h] = true;
   }
 
   const Surroundings* around_;
+  InTarget in_target_now_;
   Stroke stroke_;
   std::size_t next_;
   double all_ = 0, in_tissue_ = 0, in_target_ = 0;

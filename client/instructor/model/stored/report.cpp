@@ -214,10 +214,8 @@ std::string measuresOf(const ReportData& data) {
       const char* const sign = !required ? "" : *measure.passed ? "✔" : "✘";
       out += std::string("<tr><td class='v'>") + sign + "</td><td title='" + htmlText(measure.words) + "'>" +
              htmlText(measureWords(measure.name, names)) + "</td><td class='n'>" +
-             htmlText(measure.measured ? measureText(measure.name, measure.value, measure.unit)
-                                       : measure.words) +
-             "</td><td>" + htmlText(requirementText(measure.name, measure.unit, measure.min, measure.max)) +
-             "</td>" +
+             htmlText(rowText(measure)) + "</td><td>" +
+             htmlText(requirementText(measure.name, measure.unit, measure.min, measure.max)) + "</td>" +
              (data.places.empty() ? std::string() : "<td>" + expertPlaceCell(data, measure) + "</td>") +
              "</tr>\n";
     }

@@ -25,6 +25,7 @@ ServoLoop::ServoLoop(const SceneModel& model, Device& device, TimeSource& clock,
       period_ns_(1e9 / settings.rate_hz),
       closing_ticks_(ticksIn(kClosing_s, settings.rate_hz)),
       after_fault_ticks_(ticksIn(kAfterFault_s, settings.rate_hz)),
+      end_tick_(settings.max_ticks),
       chain_(model, device.info(), settings.X_HT, settings.plunger, paths),
       storm_(settings.rate_hz) {
   assert(settings.rate_hz > 0 && closing_ticks_ > 0);
@@ -50,9 +51,9 @@ void ServoLoop::run() noexcept {
       number += times.missed;
       times.due_ns = dueNs(number);
     }
-    if (settings_.max_ticks > 0 && number >= settings_.max_ticks) {
+    if (end_tick_ > 0 && number >= end_tick_) {
       stats_.ticks = stats_.samples + stats_.missed_ticks;
-      stats_.end = stats_.ticks < settings_.max_ticks ? ServoEnd::kDeviceFinished : ServoEnd::kTicksDone;
+      stats_.end = stats_.ticks < end_tick_ ? ServoEnd::kDeviceFinished : ServoEnd::kTicksDone;
       break;
     }
     const bool goes_on = tick(number, times);
@@ -73,9 +74,8 @@ std::uint64_t ServoLoop::countMissedTicks(std::uint64_t number, std::int64_t lat
   if (static_cast<double>(late_ns) < period_ns_) return 0;
   const auto missed = static_cast<std::uint64_t>(static_cast<double>(late_ns) / period_ns_);
   ++stats_.late_wakeups;
-  assert(settings_.max_ticks == 0 || number <= settings_.max_ticks);
-  const std::uint64_t of_lesson =
-      settings_.max_ticks > 0 ? std::min(missed, settings_.max_ticks - number) : missed;
+  assert(end_tick_ == 0 || number <= end_tick_);
+  const std::uint64_t of_lesson = end_tick_ > 0 ? std::min(missed, end_tick_ - number) : missed;
   stats_.missed_ticks += device_.skip(of_lesson);
   missed_.store(stats_.missed_ticks, std::memory_order_relaxed);
   return missed;
@@ -101,7 +101,7 @@ void ServoLoop::handleRequests(std::uint64_t number) noexcept {
 // 1 during the lesson; falls to 0 over the last ticks before a planned end
 double ServoLoop::closingShare(std::uint64_t number) noexcept {
   if (!closing_) {
-    const bool last_ticks = settings_.max_ticks > 0 && number + closing_ticks_ >= settings_.max_ticks;
+    const bool last_ticks = end_tick_ > 0 && number + closing_ticks_ >= end_tick_;
     if (!last_ticks && !stop_.load(std::memory_order_relaxed)) return 1;
     closing_ = true;
     closing_since_ = number;
@@ -145,8 +145,7 @@ ServoEnd ServoLoop::endAfter(std::uint64_t number) noexcept {
   }
   fault_since_ = 0;
   if (!closing_ || number - closing_since_ + 1 < closing_ticks_) return ServoEnd::kNotYet;
-  return settings_.max_ticks > 0 && number + 1 >= settings_.max_ticks ? ServoEnd::kTicksDone
-                                                                      : ServoEnd::kStopped;
+  return end_tick_ > 0 && number + 1 >= end_tick_ ? ServoEnd::kTicksDone : ServoEnd::kStopped;
 }
 
 void ServoLoop::record(DeviceRead read, TickTimes& times) noexcept {
@@ -181,7 +180,17 @@ void ServoLoop::publish(const TickTimes& times) noexcept {
     ++stats_.flag_ticks[static_cast<std::size_t>(std::countr_zero(bits))];
   // a full ring counts refused samples; the loop never waits for other threads
   ring_.push(sample);
+  if (after_contact_.load(std::memory_order_relaxed) == 0) noteContact(sample);
   latest_.publish(sample);
+}
+
+// the time limit begins here
+void ServoLoop::noteContact(const GestureSample& sample) noexcept {
+  if (sample.layer < 0 || (sample.flags & kFlagCapped) != 0) return;
+  after_contact_.store(sample.tick + 1, std::memory_order_relaxed);
+  if (settings_.needle_ticks == 0) return;
+  const std::uint64_t end = sample.tick + settings_.needle_ticks + 2;
+  end_tick_ = end_tick_ > 0 ? std::min(end_tick_, end) : end;
 }
 
 // returns true if the gate raised a fault in this tick

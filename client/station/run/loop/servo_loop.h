@@ -23,7 +23,7 @@ namespace needlelab {
 enum class ServoEnd : std::uint8_t {
   kNotYet,
   kStopped,         ///< by request
-  kTicksDone,       ///< max_ticks
+  kTicksDone,       ///< max_ticks or needle_ticks
   kDeviceFinished,  ///< the recording or the hand's plan ended
   kFault,           ///< the gate removed the force under kEnd; see `fault`
   kCrash,           ///< crashStop: another part of the program died
@@ -86,6 +86,8 @@ struct ServoSettings {
   PlungerSettings plunger{};                        ///< ignores `source`; the device determines it
   BlackBox* black_box = nullptr;                    ///< must outlive the loop; null: none
   bool starts_capped = false;                       ///< in a scene with PALPATION
+  /// Ends one tick more than this after the uncapped needle's first tick in tissue; 0: does not.
+  std::uint64_t needle_ticks = 0;
 };
 
 /// Thread: `run` on the haptic thread; the others as documented below. The constructor allocates all memory.
@@ -130,6 +132,11 @@ class ServoLoop {
   [[nodiscard]] std::uint32_t condition() const noexcept {
     return condition_.load(std::memory_order_relaxed);
   }
+  /// The number of the uncapped needle's first tick in tissue; empty: none yet.
+  [[nodiscard]] std::optional<std::uint64_t> firstContact() const noexcept {
+    const std::uint64_t next = after_contact_.load(std::memory_order_relaxed);
+    return next > 0 ? std::optional(next - 1) : std::nullopt;
+  }
   [[nodiscard]] std::uint64_t missedTicks() const noexcept { return missed_.load(std::memory_order_relaxed); }
 
   /// For one other thread. Returns true if `sample` is newer than that of the last call.
@@ -155,6 +162,7 @@ class ServoLoop {
   bool tick(std::uint64_t number, TickTimes& times) noexcept;
   void record(DeviceRead read, TickTimes& times) noexcept;
   void publish(const TickTimes& times) noexcept;
+  void noteContact(const GestureSample& sample) noexcept;
   [[nodiscard]] bool noteFault() noexcept;
   void fill(BlackBoxTick& kept, DeviceRead read, const TickTimes& times) const noexcept;
   [[nodiscard]] ServoEnd endAfter(std::uint64_t number) noexcept;
@@ -166,6 +174,7 @@ class ServoLoop {
   ServoSettings settings_;
   double period_ns_;
   std::uint64_t closing_ticks_, after_fault_ticks_;
+  std::uint64_t end_tick_;  // the first tick that is not run; 0: no end
   HapticChain chain_;
   ChainTick chain_tick_{};
   DeviceReading reading_{};
@@ -182,7 +191,7 @@ class ServoLoop {
   std::atomic<Fault> fault_{Fault::kNone};
   std::atomic<bool> cause_lasts_{false}, is_acknowledged_{false};
   std::atomic<std::uint32_t> condition_{0};
-  std::atomic<std::uint64_t> faults_{0}, missed_{0};
+  std::atomic<std::uint64_t> faults_{0}, missed_{0}, after_contact_{0};
   LatestValue<GestureSample> latest_;
 
   static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<Fault>::is_always_lock_free &&

@@ -409,7 +409,8 @@ void EndScreen::showVerdict() {
 void EndScreen::showMiss(const Miss& miss) {
   {
     const WithFont heading(Letters::kHeading);
-    conditionLine(miss.in_target ? Condition::kGood : Condition::kAttention, missText(miss));
+    conditionLine(miss.in_target && miss.through.empty() ? Condition::kGood : Condition::kAttention,
+                  missText(miss));
   }
   {
     const WithFont small(Letters::kSmall);

@@ -244,15 +244,16 @@ std::string titleOf(const LessonFollow& lesson) {
 
 void showHead(const BoardState& state, const LessonFollow& lesson) {
   const LessonBeginning& beginning = lesson.beginning();
-  const double limit = beginning.time_limit_s, now = state.status.time_s;
+  const auto& left_s = state.status.left_s;
   {
     const WithFont heading(Letters::kHeading);
-    const std::string clock = limit > 0 ? clockText(std::max(0.0, limit - now)) + " left" : clockText(now);
+    std::string clock = clockText(left_s.value_or(state.status.time_s));
+    if (left_s) clock += state.status.limit_runs ? " left" : " from the first contact";
     const float wide = ImGui::CalcTextSize(clock.c_str()).x;
     const float x = ImGui::GetContentRegionAvail().x;
     textLine(titleOf(lesson), x - wide - 3 * space());
     ImGui::SameLine(x - wide + ImGui::GetStyle().WindowPadding.x);
-    const WithTextColour colour(limit > 0 && limit - now < 10 ? kOrange : kText);
+    const WithTextColour colour(left_s && *left_s < 10 ? kOrange : kText);
     ImGui::TextUnformatted(clock.c_str());
   }
   if (lesson.begun() && isCapped(lesson.now())) {

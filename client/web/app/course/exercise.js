@@ -190,7 +190,8 @@ export function ExerciseForm({ f, index, profiles, measures }) {
     <div class="fields">
       ${f.select(`${at}.profile_id`, 'Patient', patients, { wide: true })}
       ${f.number(`${at}.attempts`, 'Attempts', { help: f.doc.exam ? 'empty: one' : 'empty: no limit' })}
-      ${f.number(`${at}.time_limit_s`, 'Time limit', { help: 'empty: none' })}
+      ${f.number(`${at}.time_limit_s`, 'Time limit', { help: "from the needle's first contact; empty: none" })}
+      ${f.number(`${at}.target_dwell_s`, 'Stay in the target', { help: 'to reach it; empty: 0.5 s' })}
       <${TextField}
         label="Due"
         type="datetime-local"

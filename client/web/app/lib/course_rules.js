@@ -104,6 +104,8 @@ export function courseFaults(course, { profiles, measures } = {}) {
       say(`${at}.attempts`, 'a whole number from 1 to 1000, or nothing');
     if (exercise.time_limit_s !== undefined && !(exercise.time_limit_s > 0 && exercise.time_limit_s <= 86400))
       say(`${at}.time_limit_s`, 'more than 0 s and at most a day, or nothing');
+    if (exercise.target_dwell_s !== undefined && !(exercise.target_dwell_s >= 0 && exercise.target_dwell_s <= 600))
+      say(`${at}.target_dwell_s`, 'from 0 to 600 s, or nothing');
   });
   return faults;
 }

@@ -2,7 +2,7 @@
 // not to be edited (tests/unit/common/scoring/measures/console_measures_test.cpp).
 // prettier-ignore
 export const kMeasures = {
-  time: 'elapsed_s',
+  time: 'needle_time_s',
   force: 'peak_force_n',
   speed: 'peak_speed_m_s',
   depth: 'greatest_depth_m',

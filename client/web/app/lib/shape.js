@@ -78,6 +78,7 @@ export const kCourseShape = {
       requirements: [{ measure: 'text', min: 'number', max: 'number' }],
       attempts: 'number',
       time_limit_s: 'number',
+      target_dwell_s: 'number',
       due_unix_ms: 'number',
     },
   ],

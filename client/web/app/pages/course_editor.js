@@ -68,7 +68,11 @@ export function CourseEditor({ params, person }) {
       id: freshId(exercises),
       name: `Exercise ${exercises.length + 1}`,
       profile_id: '',
-      requirements: [{ measure: kMeasures.target, min: 1 }],
+      requirements: [
+        { measure: kMeasures.target, min: 1 },
+        { measure: kMeasures.hazard, max: 0 },
+        { measure: kMeasures.bone, max: 1 },
+      ],
     };
     f.edit('exercises', (all = []) => [...all, exercise]);
     choose(exercises.length);

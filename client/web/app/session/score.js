@@ -36,7 +36,7 @@ export function Row({ row, title, beside }) {
       ${title}
       ${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}
     </th>
-    <td class="number">${row.value === null ? 'not measured' : measureText(row.measure, row.value, row.unit)}</td>
+    <td class="number">${row.value === null ? 'not measured' : measureText(row.measure, row.value, row.unit)}${row.incomplete ? ' (incomplete)' : ''}</td>
     <td>${requirementText(row) || '–'}</td>
     <td>${
       row.passed === undefined
@@ -138,6 +138,10 @@ export function Score({ session, exercise, load, person }) {
         : '';
       return html`
         <p>${verdict}</p>
+        ${
+          rows.some((r) => r.incomplete) &&
+          html`<p><${Mark} kind="warn">incomplete<//> The station stood still for a while: a part of the recording is missing, and no requirement on it can be met. Staff can excuse the attempt.</p>`
+        }
         ${lowered && html`<p>${lowered}</p>`}
         ${
           path &&

@@ -158,6 +158,10 @@ TEST(VolumePatients, theCourseHasEachOfThemAndPlansTheMedianOnes) {
     const auto& all = course->exercises();
     const auto exercise = std::ranges::find(all, id, [](const auto& one) { return one.profile_id(); });
     ASSERT_NE(exercise, all.end());
+    for (const char* const fault : {"hazards_touched", "bone_contacts"})
+      EXPECT_TRUE(std::ranges::any_of(exercise->requirements(), [&](const auto& asked) {
+        return asked.measure() == fault && asked.has_max() && asked.max() <= 1;
+      })) << fault;
     EXPECT_EQ(exercise->has_plan(), id.ends_with("-median"));
     if (!exercise->has_plan()) continue;
     const Vec3 way = normalized(pointOf(patient.paths["target_m"]));

@@ -39,7 +39,7 @@ TEST(LessonAlarms, areThoseOfTheGestureTheLoopTheDeviceAndTheTime) {
   gesture.add(tickAt(0, 0.005, 9));
   alarms.take(gesture);
   AlarmFacts facts;
-  facts.time_s = 55.4, facts.limit_s = 60;
+  facts.left_s = 4.6;
   facts.hold = "the dead-man sensor is released";
   EXPECT_THAT(
       alarms.update(facts),
@@ -51,7 +51,7 @@ TEST(LessonAlarms, areThoseOfTheGestureTheLoopTheDeviceAndTheTime) {
   EXPECT_THAT(alarms.update(facts), ElementsAre(ActiveAlarm{Alarm::kFault, faultText(Fault::kEmergencyStop)},
                                                 ActiveAlarm{Alarm::kTime, "5 s left"}))
       << "by feel";
-  EXPECT_THAT(alarms.update({Fault::kNone, "", 49.9, 60, true}), testing::SizeIs(2)) << "10.1 s are left";
+  EXPECT_THAT(alarms.update({Fault::kNone, "", 10.1, true}), testing::SizeIs(2)) << "10.1 s are left";
   EXPECT_THAT(tone.sounds, IsEmpty());
 }
 
@@ -86,7 +86,7 @@ TEST(LessonAlarms, aToneSoundsOnceForWhatBegins) {
 TEST(LessonAlarms, allMayHaveATone) {
   KeptTone tone;
   LessonAlarms alarms(tone, ToneChoice::kAll);
-  alarms.update({Fault::kNone, "", 51, 60, true});
+  alarms.update({Fault::kNone, "", 9.0, true});
   EXPECT_THAT(tone.sounds, ElementsAre("low"));
 }
 

@@ -76,7 +76,7 @@ TEST(StationSummary, tellsByHowMuchTheNeedleMissed) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["miss"], nullptr) << "no target";
   EXPECT_THAT(summaryText(s), testing::Not(HasSubstr("target   ")));
-  s.miss = Miss{Miss::At::kFurthest, false, 0.0021, 0.0039, true, {"towards the head"}};
+  s.miss = Miss{Miss::At::kFurthest, false, {}, 0.0039, 0.0021, {"towards the head"}};
   EXPECT_THAT(summaryText(s),
               HasSubstr("target       Missed by 2.1 mm towards the head, 3.9 mm too deep. "
                         "At the furthest point of the last insertion, at the needle's tip.\n"));
@@ -85,10 +85,11 @@ TEST(StationSummary, tellsByHowMuchTheNeedleMissed) {
     EXPECT_EQ(at["miss"], (nlohmann::json{{"in_target", false},
                                           {"aside_m", 0.0021},
                                           {"too_deep_m", 0.0039},
+                                          {"through", nlohmann::json::array()},
                                           {"towards", {"towards the head"}},
                                           {"at", "furthest point"},
                                           {"words", "Missed by 2.1 mm towards the head, 3.9 mm too deep."}}));
-  s.miss = Miss{Miss::At::kInjection, true, 0, 0, true, {}};
+  s.miss = Miss{Miss::At::kInjection, true, {}, 0, 0, {}};
   EXPECT_THAT(
       summaryText(s),
       HasSubstr("target       In the target. Where the last injection began, at the needle's opening.\n"));

@@ -125,7 +125,6 @@ class TraineeStage : public ViewStage {
     beginning->lesson.attempt = 2;
     beginning->lesson.attempts_left = 3;
     beginning->trainee = "tom";
-    beginning->time_limit_s = 60;
     if (steered) {
       steering_ = std::make_shared<HandSteering>();
       beginning->steering = steering_;
@@ -141,6 +140,8 @@ class TraineeStage : public ViewStage {
       board_.piece(piece);
     }
     standing_.time_s = seconds;
+    standing_.left_s = 60 - seconds;
+    standing_.limit_runs = true;
     standing_.spool = "recording";
     standing_.server = "server";
     standing_.wakeup = {20'000, 30'000, 45'000, 60'000};

@@ -125,7 +125,9 @@ TEST(VolumeScores, aStructureIsTouchedAndReachedByItsOwnSurface) {
       sample.insertion_m = std::max(0.0, depthAt(anatomy, tip));
       sample.phase = static_cast<std::uint8_t>(inside ? Phase::kInserting : Phase::kFree);
     });
-    const auto measures = scoreGesture(samples, kGestureRate_hz, profile, {});
+    pb::Exercise exercise;
+    exercise.set_target_dwell_s(0.1);
+    const auto measures = scoreGesture(samples, kGestureRate_hz, profile, {}, &exercise);
     const auto valueOf = [&](std::string_view name) {
       const auto row = std::ranges::find(measures, name, &Measure::name);
       return row == measures.end() ? -1 : row->value;

@@ -94,6 +94,21 @@ TEST_F(ServoLoopTest, missedTicksAreCountedAndNotSteppedAndTheDeviceGoesOn) {
   EXPECT_EQ(stats.wakeup.max_ns(), 3 * kTick_ns + kTick_ns / 2);
 }
 
+// the last sample lies beyond the limit, so that "within 0.1 s" is not passed by waiting
+TEST_F(ServoLoopTest, aTimeLimitBeginsWithTheNeedlesFirstContact) {
+  FakeDevice device(goingDown(0.02, kRate));
+  ServoSettings settings{kRate, {}};
+  settings.needle_ticks = 100;
+  const ServoStats& stats = run(device, settings);
+  const auto in = std::ranges::find_if(samples_, [](const GestureSample& s) { return s.layer >= 0; });
+  ASSERT_NE(in, samples_.end());
+  EXPECT_NEAR(static_cast<double>(in->tick), 1e-3 / 0.02 * kRate, 1) << "1 mm above the skin, 20 mm/s";
+  EXPECT_EQ(loop_->firstContact(), in->tick);
+  EXPECT_EQ(samples_.back().tick, in->tick + 101);
+  EXPECT_EQ(stats.end, ServoEnd::kTicksDone);
+  EXPECT_EQ(samples_.back().force_W_N[2], 0) << "faded out";
+}
+
 TEST_F(ServoLoopTest, lateButNotMissed) {
   FakeDevice device(goingDown(0.02, kRate));
   for (std::uint64_t k = 5; k < 50; k += 5) clock_.late_ns[k] = kTick_ns - 1;
