@@ -19,6 +19,7 @@
 #include "common/gesture/sample.h"
 #include "common/haptics/body/body_engine.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/scoring/motion/part_of_gesture.h"
 
 namespace needlelab {
 namespace {
@@ -117,7 +118,9 @@ int run(const RunOptions& options) {
   const auto scene = loadOffline(input);
   if (!scene.ok()) return failed("run", scene.error());
   printWarnings(*scene);
-  if (recorded) printPartOfGesture(samples, input.rate_hz.value_or(0));
+  if (recorded)
+    for (const std::string& part : partOfGesture(samples, input.rate_hz.value_or(0)))
+      std::fprintf(stderr, "needlelab-sim: warning: %s\n", part.c_str());
   const auto spec = sceneSpecOf(scene->profile, scene->X_WL);
   if (!spec.ok()) return failed("run", spec.error());
   const auto tip = [&](std::size_t i) { return recorded ? tipOf(samples[i]) : scene->tip(i); };

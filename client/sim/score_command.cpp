@@ -27,6 +27,7 @@
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/measures/syringe_events.h"
 #include "common/scoring/motion/dtw.h"
+#include "common/scoring/motion/part_of_gesture.h"
 
 namespace needlelab {
 namespace {
@@ -155,7 +156,9 @@ int score(const ScoreOptions& options) {
   const OfflineScene& scene = scored->scene;
   printWarnings(scene);
   for (const std::string& hole : scored->holes) std::fprintf(stderr, "damaged: %s\n", hole.c_str());
-  if (!options.recorded.empty()) printPartOfGesture(scored->samples, scene.rate_hz);
+  if (!options.recorded.empty())
+    for (const std::string& part : partOfGesture(scored->samples, scene.rate_hz))
+      std::fprintf(stderr, "needlelab-sim: warning: %s\n", part.c_str());
   const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return failed("score", spec.error());
   warnOfDirection("score", spec->limb, scored->samples.size(),

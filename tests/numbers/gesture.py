@@ -412,6 +412,8 @@ def motion(g, runs, result):
     contact = next((at_s for at_s, inside, flags in zip(g.at_s, g.inside, g.flags) if inside and not flags & CAPPED), None)
     if contact is not None:
         result["needle_time_s"] = g.at_s[-1] - contact
+    if any(g.inside):
+        result["ends_in_tissue"] = int(g.inside[-1])
     if g.holes()[0]:
         result["missing_s"] = g.holes()[0]
     result["path_length_m"] = sum(sum(r.steps) for r in runs)

@@ -76,7 +76,7 @@ def measured(held, facts, sessions):
             low, high = limits.get(m["measure"], (None, None))
             held.same("stored score", "min and max: the exercise's", f"{s['uuid']} {m['measure']}", [low, high], [m.get("min"), m.get("max")])
         for m in s["score"]:
-            hidden = g.holes()[1] and m["measure"] not in ("elapsed_s", "missing_s") and m["value"] is not None
+            hidden = g.holes()[1] and m["measure"] not in ("elapsed_s", "missing_s", "ends_in_tissue") and m["value"] is not None
             held.same("stored score", "incomplete: a hole may hide a part", f"{s['uuid']} {m['measure']}", hidden, m.get("incomplete", False))
         met = [m["value"] is not None and not m.get("incomplete") and (m.get("min") is None or m["value"] >= m["min"]) and (m.get("max") is None or m["value"] <= m["max"])
                for m in s["score"] if m["measure"] in limits]

@@ -5,43 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <utility>
 
 #include "common/base/histogram.h"
 #include "common/base/range.h"
 #include "common/haptics/effects/resume.h"
 #include "common/haptics/tick.h"
-#include "common/scoring/motion/motion_cost.h"
-#include "common/scoring/motion/recorded_samples.h"
 
 namespace needlelab {
-
-std::vector<std::string> partOfGesture(std::span<const GestureSample> samples, double rate_hz) {
-  constexpr std::size_t kSpreadsheetRows = (1u << 20) - 1;  // below the heading
-  std::vector<std::string> found;
-  double missing_s = 0;
-  int holes = 0;
-  for (std::size_t i = 1; i < samples.size(); ++i) {
-    const double gap_s = secondsBetween(samples[i - 1], samples[i], rate_hz);
-    if (gap_s <= kLongestBridge_s) continue;
-    missing_s += gap_s;
-    ++holes;
-  }
-  if (holes > 0)
-    found.push_back(fmt::format("{:.1f} s of the gesture are missing, in {} {}: the station stood still",
-                                missing_s, holes, holes == 1 ? "hole" : "holes"));
-  if (samples.size() == kSpreadsheetRows)
-    found.push_back("1048575 samples are as many as a spreadsheet keeps: the rest may be missing");
-  if (!samples.empty() && isInside(samples.back()))
-    found.push_back("the samples end in tissue: the rest of the gesture may be missing");
-  return found;
-}
-
-void printPartOfGesture(std::span<const GestureSample> samples, double rate_hz) {
-  for (const std::string& sentence : partOfGesture(samples, rate_hz))
-    std::fprintf(stderr, "needlelab-sim: warning: %s\n", sentence.c_str());
-}
 
 std::string differenceText(const RecordedDifference& difference) {
   if (difference.compared_ticks == 0) return "no tick in tissue could be compared with the recorded forces\n";

@@ -7,7 +7,6 @@
 #include <deque>
 #include <filesystem>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -33,12 +32,6 @@ struct RecordedGesture {
 /// for missing ticks in a CSV (more than three of the usual steps, and 0.1 s), unless `damaged` is kRead.
 Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, DamagedRecording damaged,
                                             WallColumns wall, std::optional<double> rate_hz);
-
-/// What suggests that samples are a part of a gesture: holes (motion_cost.h), an end in tissue, as many rows
-/// as a spreadsheet keeps. Sentences for people.
-std::vector<std::string> partOfGesture(std::span<const GestureSample> samples, double rate_hz);
-/// The same as warnings on standard error.
-void printPartOfGesture(std::span<const GestureSample> samples, double rate_hz);
 
 /// Larger differences between a run's force and the recorded one count, in N: what a hand notices.
 inline constexpr double kDiffers_N = 0.02;

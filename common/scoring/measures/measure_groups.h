@@ -77,8 +77,9 @@ struct GestureFacts {
   std::optional<double> needle_s;  ///< since the uncapped needle's first contact; empty: there was none
 
   // holes: gaps of more than kLongestBridge_s between samples
-  double missing_s = 0;     ///< their time
-  bool incomplete = false;  ///< one began or ended in tissue, or was long enough for an insertion
+  double missing_s = 0;             ///< their time
+  std::optional<bool> ends_inside;  ///< the last sample is in tissue; empty: none is
+  bool incomplete = false;          ///< one began or ended in tissue, or was long enough for an insertion
 
   // the needle in tissue
   double depth_m = 0, insertion_m = 0, lateral_m = 0, peak_N = 0;

@@ -13,10 +13,10 @@
 #include "common/profile/layer_names.h"
 #include "common/scoring/anatomy/bone_contacts.h"
 #include "common/scoring/anatomy/contacts.h"
+#include "common/scoring/anatomy/needle_way.h"
 #include "common/scoring/anatomy/structure_region.h"
 #include "common/scoring/measures/measure_groups.h"
 #include "common/scoring/measures/syringe_events.h"
-#include "common/scoring/targets/needle_way.h"
 
 namespace needlelab {
 namespace {
@@ -180,6 +180,7 @@ class WholeGroup : public SampleGroup {
       facts_.missing_s += gap_s;
       if (isInside(before_) || isInside(sample) || gap_s >= kInsertion_s) facts_.incomplete = true;
     }
+    if (isInside(sample) || facts_.ends_inside) facts_.ends_inside = isInside(sample);
     before_ = sample;
     if (!contact_ && isInside(sample) && (sample.flags & kFlagCapped) == 0) contact_ = sample;
     if (contact_) facts_.needle_s = secondsBetween(*contact_, sample, gesture_.rate_hz);

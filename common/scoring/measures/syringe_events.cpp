@@ -17,8 +17,8 @@
 #include "common/profile/layer_names.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/scoring/anatomy/anatomy.h"
+#include "common/scoring/anatomy/needle_way.h"
 #include "common/scoring/measures/measure_table.h"
-#include "common/scoring/targets/needle_way.h"
 
 namespace needlelab {
 namespace {

@@ -7,8 +7,6 @@
 #include <utility>
 
 #include "common/base/text/text.h"
-#include "common/haptics/scene_model.h"
-#include "common/profile/scene_of_profile.h"
 #include "common/scoring/measures/measure_groups.h"
 
 namespace needlelab {
@@ -72,14 +70,17 @@ std::optional<Miss> missOf(std::span<const GestureSample> samples, std::span<con
   for (const pb::SyringeEvent& event : events)
     if (event.kind() == pb::SyringeEvent::INJECTION && event.begin().in_tissue()) injection = &event;
   FinalPoint furthest;
-  std::optional<std::size_t> at;
+  std::optional<std::size_t> at;  // a thinned recording may not have the very tick
   for (std::size_t i = 0; i < usable.size(); ++i) {
     furthest.add(usable[i], i);
-    if (injection != nullptr && usable[i].tick == injection->begin_tick()) at = i;
+    if (injection != nullptr && isInside(usable[i]) && usable[i].tick <= injection->begin_tick()) at = i;
   }
-  const double behind_tip_m = at ? openingBehindTip_m(needleOf(profile.needle())) : 0;
   if (!at && !furthest.index) return std::nullopt;
-  const NeedleWay way = wayOf(usable[at ? *at : *furthest.index], behind_tip_m);
+  NeedleWay way = wayOf(usable[at ? *at : *furthest.index]);
+  if (at) {
+    const pb::SyringePlace& opening = injection->begin();
+    way.length_m = dot(Vec3{opening.x_m(), opening.y_m(), opening.z_m()} - way.skin_W_m, way.axis_W);
+  }
   Miss miss = missAt(anatomy, profile.directions(), X_WL, way);
   if (at) miss.at = Miss::At::kInjection;
   return miss;

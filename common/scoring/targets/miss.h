@@ -10,7 +10,7 @@
 #include "common/gesture/sample.h"
 #include "common/haptics/geometry.h"
 #include "common/scoring/anatomy/anatomy.h"
-#include "common/scoring/targets/needle_way.h"
+#include "common/scoring/anatomy/needle_way.h"
 #include "needlelab/event.pb.h"
 #include "needlelab/profile.pb.h"
 

@@ -14,6 +14,6 @@ export const kMeasures = {
   hub: 'hub_contacts',
   expert_path: 'dtw_distance_m',
   shares: ['injected_share', 'injected_in_target_share'],
-  yes_or_no: ['target_reached', 'aspirated_before_injection'],
+  yes_or_no: ['ends_in_tissue', 'target_reached', 'aspirated_before_injection'],
   need_plan: ['planned_entry_error_m', 'planned_angle_error_rad', 'mean_planned_line_error_m', 'largest_planned_line_error_m'],
 };

@@ -237,23 +237,6 @@ TEST(RecordedRun, inABodyItTakesTheRecordingsPaths) {
   EXPECT_GT(without.difference().differing_ticks, 100u);
 }
 
-TEST(PartOfGesture, isSaidOfHolesOfAnEndInTissueAndOfASpreadsheetsLength) {
-  std::vector<GestureSample> samples((1u << 20) - 1);
-  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].tick = i;
-  for (GestureSample& s : samples) s.layer = -1;
-  EXPECT_THAT(partOfGesture(samples, 1000),
-              testing::ElementsAre(HasSubstr("as many as a spreadsheet keeps")));
-  samples.pop_back();
-  EXPECT_THAT(partOfGesture(samples, 1000), testing::IsEmpty());
-  samples.back().layer = 2;
-  EXPECT_THAT(partOfGesture(samples, 1000), testing::ElementsAre(HasSubstr("end in tissue")));
-  samples.erase(samples.begin() + 5000, samples.begin() + 8000);
-  samples.erase(samples.begin() + 9000, samples.begin() + 9050);
-  EXPECT_THAT(partOfGesture(samples, 1000),
-              testing::ElementsAre("3.0 s of the gesture are missing, in 1 hole: the station stood still",
-                                   HasSubstr("end in tissue")));
-}
-
 TEST(RecordedRun, reportsInPlainWordsAndRefusesUnusableInput) {
   const test::TempFolder folder;
   const auto samples = recorded(shoulder(), atTheThreshold(1), Resolution::standard());

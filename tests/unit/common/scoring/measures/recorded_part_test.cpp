@@ -1,4 +1,5 @@
-// What a score says of a recording with holes, of time before the needle is used, and of a target only grazed.
+// What a score says of a recording with holes, of time before the needle is used, and of a target only
+// grazed.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -6,6 +7,7 @@
 #include <vector>
 
 #include "common/scoring/measures/measures.h"
+#include "common/scoring/motion/part_of_gesture.h"
 #include "tests/unit/common/scoring/gestures.h"
 
 namespace needlelab {
@@ -68,6 +70,33 @@ TEST(Holes, hideAnInsertionOnlyIfTheyTouchTissueOrLastASecond) {
   EXPECT_TRUE(isIncomplete(7.5, 8.2)) << "it begins in tissue";
 }
 
+TEST(Holes, atTheEndAreSeenByANeedleInTissue) {
+  const auto value = [](const std::vector<GestureSample>& samples) {
+    return valueOf(scoreGesture(samples, 1000, halfSpace(), {}), "ends_in_tissue");
+  };
+  EXPECT_EQ(value(sixSecondsIn()), 0);
+  EXPECT_EQ(value(without(sixSecondsIn(), 5, 11)), 1);
+  const auto outside = without(sixSecondsIn(), 1, 11);
+  EXPECT_EQ(find(scoreGesture(outside, 1000, halfSpace(), {}), "ends_in_tissue"), nullptr);
+}
+
+TEST(PartOfGesture, isSaidOfHolesOfAnEndInTissueAndOfASpreadsheetsLength) {
+  std::vector<GestureSample> samples((1u << 20) - 1);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].tick = i;
+  for (GestureSample& s : samples) s.layer = -1;
+  EXPECT_THAT(partOfGesture(samples, 1000),
+              testing::ElementsAre(testing::HasSubstr("as many as a spreadsheet keeps")));
+  samples.pop_back();
+  EXPECT_THAT(partOfGesture(samples, 1000), testing::IsEmpty());
+  samples.back().layer = 2;
+  EXPECT_THAT(partOfGesture(samples, 1000), testing::ElementsAre(testing::HasSubstr("end in tissue")));
+  samples.erase(samples.begin() + 5000, samples.begin() + 8000);
+  samples.erase(samples.begin() + 9000, samples.begin() + 9050);
+  EXPECT_THAT(partOfGesture(samples, 1000),
+              testing::ElementsAre("3.0 s of the gesture are missing, in 1 hole: the station stood still",
+                                   testing::HasSubstr("end in tissue")));
+}
+
 TEST(NeedleTime, beginsWhereTheUncappedNeedleFirstMeetsTissue) {
   const pb::Profile profile = halfSpace();
   std::vector<GestureSample> samples = sixSecondsIn();
@@ -101,7 +130,8 @@ std::vector<GestureSample> inTargetFor(double seconds) {
 TEST(TargetReached, isAStay) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.015}, 0.002);
-  const auto reached = [&](const std::vector<GestureSample>& samples, const pb::Exercise* exercise = nullptr) {
+  const auto reached = [&](const std::vector<GestureSample>& samples,
+                           const pb::Exercise* exercise = nullptr) {
     return find(scoreGesture(samples, 1000, profile, {}, exercise), "target_reached")->value;
   };
   EXPECT_EQ(reached(inTargetFor(0.002)), 0) << "grazed for 2 ms";

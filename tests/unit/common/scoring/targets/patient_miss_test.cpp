@@ -1,5 +1,5 @@
-/// By how much a needle on the planned line misses in each of the twelve patients, against the structures that
-/// stand at each place of the line (layerAt): no distance is asked.
+/// By how much a needle on the planned line misses in each of the twelve patients, against the structures
+/// that stand at each place of the line (layerAt): no distance is asked.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -131,16 +131,18 @@ TEST_P(PatientMiss, asideIsTheWayBackToTheTarget) {
       return false;
     };
     EXPECT_TRUE(isInAt(off.aside_m + 1e-4)) << off.aside_m;
-    for (double back_m = 0; back_m < off.aside_m - 1e-4; back_m += 2e-4) EXPECT_FALSE(isInAt(back_m)) << back_m;
+    for (double back_m = 0; back_m < off.aside_m - 1e-4; back_m += 2e-4)
+      EXPECT_FALSE(isInAt(back_m)) << back_m;
     ++beside;
   }
   EXPECT_GT(beside, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, PatientMiss,
-                         testing::Values("shoulder-slender", "shoulder-median", "shoulder-heavy", "wrist-slender",
-                                         "wrist-median", "wrist-heavy", "knee-slender", "knee-median", "knee-heavy",
-                                         "lumbar-slender", "lumbar-median", "lumbar-heavy"),
+                         testing::Values("shoulder-slender", "shoulder-median", "shoulder-heavy",
+                                         "wrist-slender", "wrist-median", "wrist-heavy", "knee-slender",
+                                         "knee-median", "knee-heavy", "lumbar-slender", "lumbar-median",
+                                         "lumbar-heavy"),
                          [](const auto& info) {
                            std::string name = info.param;
                            std::ranges::replace(name, '-', '_');

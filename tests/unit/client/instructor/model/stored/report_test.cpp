@@ -192,12 +192,19 @@ TEST(Report, saysByHowMuchTheNeedleMissed) {
   // the bursa's sphere of 3 mm is 26 mm deep
   pb::SyringeEvent injection;
   injection.set_kind(pb::SyringeEvent::INJECTION);
-  const Vec3 p = gesture->scene.X_WL * Vec3{0, 0.0051, -0.026};
   injection.mutable_begin()->set_in_tissue(true);
-  injection.mutable_begin()->set_x_m(p.x);
-  injection.mutable_begin()->set_y_m(p.y);
-  injection.mutable_begin()->set_z_m(p.z);
+  const Pose X_WT = gesture->scene.X_WL * Pose{{0, 0.0051, -0.026}, {1, 0, 0, 0}};  // straight down
+  injection.mutable_begin()->set_x_m(X_WT.p.x);
+  injection.mutable_begin()->set_y_m(X_WT.p.y);
+  injection.mutable_begin()->set_z_m(X_WT.p.z);
   gesture->events = {injection};
+  GestureSample sample;
+  sample.layer = 3;
+  sample.insertion_m = 0.026;
+  const double at[] = {X_WT.p.x, X_WT.p.y, X_WT.p.z}, turned[] = {X_WT.q.x, X_WT.q.y, X_WT.q.z, X_WT.q.w};
+  std::ranges::copy(at, sample.p_WT_m);
+  std::ranges::copy(turned, sample.q_WT);
+  gesture->samples = {sample};
   EXPECT_THAT(reportHtml(data),
               HasSubstr("<p>Missed by 2.1 mm towards the head. Where the last injection began"));
 }

@@ -417,7 +417,8 @@ TEST_F(Teaching, exportedResultsHaveGroupsExcusedAttemptsAndRequirements) {
 
   ask.mutable_get_results()->set_with_measures(true);
   const auto all = get(instructor, ask).results();
-  EXPECT_THAT(all.required_measures(), testing::ElementsAre("peak_force_n", "elapsed_s", "greatest_depth_m"));
+  EXPECT_THAT(all.required_measures(),
+              testing::ElementsAre("peak_force_n", "needle_time_s", "greatest_depth_m"));
   ASSERT_EQ(all.rows_size(), 2);
   EXPECT_THAT(all.rows(0).groups(), testing::ElementsAre("autumn", "spring"));
   EXPECT_THAT(all.rows(1).groups(), testing::ElementsAre());

@@ -1,4 +1,4 @@
-#include "common/scoring/targets/needle_way.h"
+#include "common/scoring/anatomy/needle_way.h"
 
 #include <algorithm>
 #include <cmath>
@@ -68,7 +68,8 @@ bool isBehindHazard(const Anatomy& anatomy, const Target& target, const NeedleWa
 /// Across the line: the way from it to a target that it misses.
 class Across {
  public:
-  Across(const Anatomy& anatomy, const Target& target, const NeedleWay& way) : anatomy_(anatomy), target_(target), way_(way) {
+  Across(const Anatomy& anatomy, const Target& target, const NeedleWay& way)
+      : anatomy_(anatomy), target_(target), way_(way) {
     const Vec3 a = way.axis_W;
     first_ = normalized(cross(a, std::abs(a.x) < 0.7 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
     second_ = cross(a, first_);
@@ -85,19 +86,23 @@ class Across {
     for (double share = 0.5; share > 1e-5 && std::isfinite(least_m_); share *= 0.7) {
       const double s = at_m_, angle = angle_;
       for (const double along : {-1, 0, 1})
-        for (const double turn : {-1, 0, 1}) look(s + share * along * kAlong_m, angle + share * turn * kTurn, 0);
+        for (const double turn : {-1, 0, 1})
+          look(s + share * along * kAlong_m, angle + share * turn * kTurn, 0);
     }
     return {way_.length_m - at_m_, least_m_, -1 * direction(angle_)};
   }
 
  private:
-  [[nodiscard]] Vec3 direction(double angle) const { return std::cos(angle) * first_ + std::sin(angle) * second_; }
+  [[nodiscard]] Vec3 direction(double angle) const {
+    return std::cos(angle) * first_ + std::sin(angle) * second_;
+  }
   [[nodiscard]] double from(Vec3 p_W_m) const { return distanceTo(anatomy_, target_, p_W_m); }
 
   // `ties_m`: of ways that differ by less, the one nearer to the needle's end counts
   void look(double at_m, double angle, double ties_m) {
     const Vec3 line = way_.at(at_m), out = direction(angle);
-    const auto found = firstIn([&](double r) { return from(line + r * out); }, 0, std::min(kGoesOn_m, least_m_ + ties_m));
+    const auto found =
+        firstIn([&](double r) { return from(line + r * out); }, 0, std::min(kGoesOn_m, least_m_ + ties_m));
     if (!found) return;
     const bool nearer_end = std::abs(at_m - way_.length_m) < std::abs(at_m_ - way_.length_m);
     if (*found >= least_m_ - ties_m && !(ties_m > 0 && nearer_end)) return;
@@ -145,8 +150,7 @@ OffTarget offTarget(const Anatomy& anatomy, const Target& target, const NeedleWa
   OffTarget off{std::numeric_limits<double>::infinity(), 0, {}};
   for (auto in_m = near_m; in_m && *in_m <= hazard_m;) {
     const double out_m = std::min(firstIn(distance, *in_m, to_m, -1).value_or(to_m), hazard_m);
-    const double beyond_m =
-        way.length_m > out_m ? way.length_m - out_m : std::min(0.0, way.length_m - *in_m);
+    const double beyond_m = way.length_m > out_m ? way.length_m - out_m : std::min(0.0, way.length_m - *in_m);
     if (std::abs(beyond_m) < std::abs(off.too_deep_m)) off.too_deep_m = beyond_m;
     if (out_m >= std::min(hazard_m, to_m)) break;
     in_m = firstIn(distance, out_m, to_m);

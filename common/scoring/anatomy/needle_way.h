@@ -2,8 +2,8 @@
 /// in, and the hazards that it came through. Pure functions, for measures, events of the syringe and misses.
 ///
 /// A target that surrounds others (the epidural space, a tendon's sheath) lies on a needle's way twice. From
-/// the first hazard that the needle meets beside the target, behind its near side, nothing is the target any more:
-/// a needle that came through the dural sac is not in the epidural space in front of it.
+/// the first hazard that the needle meets beside the target, behind its near side, nothing is the target any
+/// more: a needle that came through the dural sac is not in the epidural space in front of it.
 #pragma once
 
 #include <optional>
