@@ -139,7 +139,7 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
     if (band.is_target) {
       const float width_px = sizeOfText(name).x;
       drawPlotText(list, {name_end_px - width_px - 4, (top_px + low_px - text_px) * 0.5F},
-                   packed(mixed(band.colour, kWhite, 0.3F)), name);
+                   packed(mixed(band.colour, kWhite, 0.75F)), name);
       continue;
     }
     // a stripe in full colour at the edge connects the name with the tissue's colour elsewhere

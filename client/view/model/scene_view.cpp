@@ -105,15 +105,14 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
     const double up_m = depthBelowSkin(view.limb_W, center) - 0.5 * (span.top_m + span.bottom_m);
     view.targets.push_back({target.ball.name, center, target.ball.radius_m, center + up_m * normal, normal,
                             span.top_m, span.bottom_m});
-    const pb::Target& as_written = profile.targets(static_cast<int>(view.targets.size()) - 1);
     TargetView& made = view.targets.back();
+    const auto& written = profile.targets(static_cast<int>(view.targets.size()) - 1);
     made.is_structure = target.ball.structure != nullptr;
-    if (!made.is_structure && as_written.tissues().empty()) continue;
-    made.layers = 0;
+    if (made.is_structure || !written.tissues().empty()) made.layers = 0;
     for (std::size_t i = 0; i < view.layers.size(); ++i)
       if (made.is_structure
-              ? profile.volume().structures(static_cast<int>(i)).id() == as_written.structure()
-              : std::ranges::find(as_written.tissues(), view.layers[i].name) != as_written.tissues().end())
+              ? profile.volume().structures(static_cast<int>(i)).id() == written.structure()
+              : std::ranges::find(written.tissues(), view.layers[i].name) != written.tissues().end())
         made.layers |= 1U << i;
   }
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i) {

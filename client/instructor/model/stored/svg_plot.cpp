@@ -146,8 +146,7 @@ std::string drawnBands(const Plot& plot, const SvgFrame& frame) {
         right - left, height, hexText(band.colour), band.is_target ? ".5" : ".28");
     const bool has_room = kLegendLetter * static_cast<double>(band.name.size()) < name_end - left;
     if (band.name.empty() || !has_room || !(height > 11 || band.is_target)) continue;
-    out += band.is_target ? textAt(left + 4, top + height / 2 + 4, "start", band.name,
-                                   fmt::format(" style='fill:{}'", inkOf(band.colour)))
+    out += band.is_target ? textAt(left + 4, top + height / 2 + 4, "start", band.name)
                           : textAt(name_end - 4, top + height / 2 + 4, "end", band.name, " class='q'");
   }
   return out;

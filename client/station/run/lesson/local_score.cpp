@@ -63,10 +63,9 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
     if (strongest == nullptr) continue;
     const GestureSample& s = *strongest;
     curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
-                     static_cast<float>(depthOf(limb_W, s)), static_cast<float>(s.insertion_m),
-                     static_cast<float>(forceIn(s)),
+                     static_cast<float>(depthOf(limb_W, s)), static_cast<float>(forceIn(s)),
                      static_cast<float>(std::isnan(lateral_m) ? s.lateral_error_m : lateral_m),
-                     static_cast<float>(s.speed_mps), static_cast<float>(planned_m), s.layer});
+                     static_cast<float>(planned_m), s.layer});
   }
   return curve;
 }

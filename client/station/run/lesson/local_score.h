@@ -26,12 +26,10 @@ namespace needlelab {
 /// One point for several consecutive ticks: the values of the tick with the greatest force, so that no peak
 /// is lost, and the ticks' greatest distances from the lines, so that none beyond a limit is lost.
 struct CurvePoint {
-  float time_s = 0;   ///< since the first sample
-  float depth_m = 0;  ///< along the needle; negative outside; NaN with the cap on
-  float insertion_m = 0;
+  float time_s = 0;           ///< since the first sample
+  float depth_m = 0;          ///< along the needle; negative outside; NaN with the cap on
   float force_N = 0;          ///< |force| on the hand
   float lateral_error_m = 0;  ///< from the line of the needle's own entry; greatest of the ticks in tissue
-  float speed_mps = 0;
   float planned_error_m = std::numeric_limits<float>::quiet_NaN();  ///< from the plan; greatest of the ticks
                                                                     ///< in tissue; NaN: outside, or no plan
   int layer = -1;

@@ -221,7 +221,6 @@ TEST(GesturePlots, inABodyTheTissuesAreThoseThatTheEngineSteppedOn) {
   SceneEngine engine(*model);
   StepReport report;
   std::vector<GestureSample> inside;
-  bool on_bone = false;
   for (std::uint64_t k = 0; k < 6000; ++k) {
     const double way_m = 0.03 * std::sin(3.14159265 * static_cast<double>(k % 3000) / 3000);
     const Vec3 from_W_m = scene.focus_W_m + Vec3{k < 3000 ? 0 : 0.02, 0, 0} - in_W * 0.004;
@@ -237,9 +236,7 @@ TEST(GesturePlots, inABodyTheTissuesAreThoseThatTheEngineSteppedOn) {
     ASSERT_TRUE(std::ranges::any_of(way.tissues, [&](const NeedleWay::Tissue& tissue) {
       return tissue.holds(report.layer, report.insertion_m);
     })) << k;
-    on_bone = on_bone || layerName(scene, report.layer) == "humerus";
   }
-  ASSERT_TRUE(on_bone);
   const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, 0, 6);
   for (const GestureSample& sample : inside) {
     const double t = static_cast<double>(sample.tick) / 1000,

@@ -200,11 +200,11 @@ TEST(LayerLadder, runsAlongTheNeedleAndHasNoDepthWithTheCapOn) {
 TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
   const auto follow = LessonFollow::make(shoulder());
   const NeedleWay way = wayOf({}, *(*follow)->scene());
-  const DepthPlotRange shallow = depthPlotRange({{0, 0.004F, 0.004F, 2, 0, 0}}, way);
+  const DepthPlotRange shallow = depthPlotRange({{0, 0.004F, 2, 0}}, way);
   EXPECT_GT(shallow.to_m, 0.029) << "the target, where no one came near it";
   EXPECT_NEAR(shallow.force_N, 2.2, 1e-6);
   constexpr float kCapped = std::numeric_limits<float>::quiet_NaN();
-  const DepthPlotRange deep = depthPlotRange({{0, 0.05F, 0.05F, 2, 0, 0}, {0, kCapped, 0, 9, 0, 0}}, way);
+  const DepthPlotRange deep = depthPlotRange({{0, 0.05F, 2, 0}, {0, kCapped, 9, 0}}, way);
   EXPECT_NEAR(deep.to_m, 0.054, 1e-6);
   EXPECT_NEAR(deep.force_N, 2.2, 1e-6);
   EXPECT_LT(deep.from_m, 0);
@@ -246,7 +246,7 @@ TEST(DepthPlot, inABodyHasTheTissuesOfTheDeepestInsertion) {
 }
 
 TEST(DepthPlot, noiseDoesNotFillIt) {
-  const DepthPlotRange range = depthPlotRange({{0, 3e-5F, 3e-5F, 0.01F, 0, 0}}, {});
+  const DepthPlotRange range = depthPlotRange({{0, 3e-5F, 0.01F, 0}}, {});
   EXPECT_EQ(range.force_N, leastSpanOf(PlotQuantity::kForce));
   EXPECT_NEAR(range.to_m, 1e-3 * leastSpanOf(PlotQuantity::kDepth), 1e-12);
 }
