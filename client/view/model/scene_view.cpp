@@ -197,7 +197,7 @@ NeedleWay needleWay(const SceneView& scene, const NeedleLine& line, double reach
       if (way.targets.size() > before && way.targets.back().bottom_m == top_m)
         way.targets.back().bottom_m = bottom_m;
       else
-        way.targets.push_back({target.name, top_m, bottom_m});
+        way.targets.push_back({way.targets.size() == before ? target.name : "", top_m, bottom_m});
     }
     if (way.targets.size() == before)
       way.targets.push_back({target.name + ", beside the line", foot_m, foot_m});

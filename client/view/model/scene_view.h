@@ -101,7 +101,7 @@ struct NeedleWay {
     }
   };
   struct Aim {
-    std::string name;                ///< of the target; off the line: "bursa, beside the line"
+    std::string name;  ///< of the target; off the line "bursa, beside the line"; empty: a further piece
     double top_m = 0, bottom_m = 0;  ///< off the line both are the place nearest to its centre
   };
   std::vector<Tissue> tissues;

@@ -147,6 +147,7 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const NeedleWay& way, co
     if (left > end) continue;
     draw->AddRectFilled({left, bottom - 6}, {right, bottom}, packed(kTargetColour));
     draw->AddRect({left, axes.corner.y}, {right, bottom}, packed(kTargetColour, 0.8F));
+    if (aim.name.empty()) continue;
     const std::string name = fittedText(aim.name, axes.size.x - 6);
     const float width = ImGui::CalcTextSize(name.c_str()).x;
     const ImVec2 from{std::min(left + 3, end - width - 3), bottom - 8 - ImGui::GetTextLineHeight()};
@@ -236,7 +237,8 @@ DepthPlotRange depthPlotRange(const GestureCurve& curve, const NeedleWay& way) {
     deepest = std::max(deepest, depth);
     force = std::max(force, static_cast<double>(point.force_N));
   }
-  for (const NeedleWay::Aim& aim : way.targets) deepest = std::max(deepest, aim.bottom_m);
+  for (const NeedleWay::Aim& aim : way.targets)
+    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
   range.from_m = -kOutside_m;
   range.to_m = std::max(1.08 * deepest, 1e-3 * leastSpanOf(PlotQuantity::kDepth));
   range.force_N = std::max(1.1 * force, leastSpanOf(PlotQuantity::kForce));

@@ -51,10 +51,8 @@ double ladderDepth_m(const SceneView& scene, double insertion_m) {
   const NeedleLine line = lineToTarget(scene);
   const NeedleWay way = needleWay(scene, line, lineReach_m(scene, line.entry_W_m, line.u_W));
   double deepest = 0;
-  for (const TargetView& target : scene.targets) {
-    const auto first = std::ranges::find(way.targets, target.name, &NeedleWay::Aim::name);
-    if (first != way.targets.end()) deepest = std::max(deepest, first->bottom_m);
-  }
+  for (const NeedleWay::Aim& aim : way.targets)
+    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
   if (deepest > 0) return std::max(1.2 * deepest, 1.1 * insertion_m);
   const double layers = scene.body || scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
   return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
@@ -105,6 +103,7 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
       const float edge = right - 0.9F * space();
       draw->AddRectFilled({edge, y - reach}, {right, y + reach}, packed(kTargetColour));
       draw->AddRect({edge, y - reach}, {right, y + reach}, packed(kWhite));
+      if (aim.name.empty()) continue;
       const std::string name = fittedText(aim.name, edge - left - 1.2F * space());
       const ImVec2 from{edge - 0.6F * space() - ImGui::CalcTextSize(name.c_str()).x,
                         std::clamp(y - 0.5F * line, corner.y, bottom - line)};
