@@ -121,22 +121,35 @@ void drawColumns(ImDrawList& list, const PlotFrame& frame, const Plot& plot, con
 
 void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBand> bands) {
   WithFont font(Letters::kSmall);
-  float taken_to_px = -1;
+  const float text_px = ImGui::GetFontSize();
+  float taken_to_px = -1, taken_right_px = -1;
   for (const PlotBand& band : bands) {
     const float a_px = frame.yAt(std::clamp(band.low, frame.y.low, frame.y.high));
     const float b_px = frame.yAt(std::clamp(band.high, frame.y.low, frame.y.high));
-    const float top_px = std::min(a_px, b_px), low_px = std::max(a_px, b_px);
+    const float top_px = std::min(a_px, b_px), low_px = std::max(a_px, b_px + (band.is_target ? 2.0F : 0));
+    const float left_px = std::max(frame.low_px.x, frame.xAt(band.from)),
+                right_px = std::min(frame.high_px.x, frame.xAt(band.to)),
+                name_end_px = std::min(frame.high_px.x, frame.xAt(band.name_to));
     if (low_px - top_px < 0.5F) continue;
-    list.AddRectFilled({frame.low_px.x, top_px}, {frame.high_px.x, low_px}, packed(band.colour, 0.17F));
-    list.AddLine({frame.low_px.x, top_px}, {frame.high_px.x, top_px}, packed(band.colour, 0.45F));
+    list.AddRectFilled({left_px, top_px}, {right_px, low_px},
+                       packed(band.colour, band.is_target ? 0.35F : 0.17F));
+    list.AddLine({left_px, top_px}, {right_px, top_px}, packed(band.colour, 0.45F));
+    if (band.name.empty()) continue;
+    const std::string name = fittedText(band.name, name_end_px - left_px - 12);
+    if (band.is_target) {
+      const float width_px = sizeOfText(name).x;
+      drawPlotText(list, {name_end_px - width_px - 4, (top_px + low_px - text_px) * 0.5F},
+                   packed(mixed(band.colour, kWhite, 0.75F)), name);
+      continue;
+    }
     // a stripe in full colour at the edge connects the name with the tissue's colour elsewhere
-    list.AddRectFilled({frame.low_px.x, top_px}, {frame.low_px.x + 4, low_px}, packed(band.colour, 0.9F));
-    const float text_px = ImGui::GetFontSize();
+    list.AddRectFilled({left_px, top_px}, {left_px + 4, low_px}, packed(band.colour, 0.9F));
+    if (left_px >= taken_right_px) taken_to_px = -1;  // of another insertion
     const float at_px = std::max((top_px + low_px - text_px) * 0.5F, taken_to_px);
-    if (band.name.empty() || at_px + text_px > low_px + text_px * 0.35F) continue;
-    drawPlotText(list, {frame.low_px.x + 9, at_px}, packed(mixed(band.colour, kWhite, 0.45F), 0.95F),
-                 fittedText(band.name, frame.high_px.x - frame.low_px.x - 12));
+    if (at_px + text_px > low_px + text_px * 0.35F) continue;
+    drawPlotText(list, {left_px + 9, at_px}, packed(mixed(band.colour, kWhite, 0.45F), 0.95F), name);
     taken_to_px = at_px + text_px * 0.92F;
+    taken_right_px = name_end_px;
   }
 }
 

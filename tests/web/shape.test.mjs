@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { courseFaults, planGivenBy, withExerciseId, withoutExercise } from '../../client/web/app/lib/course_rules.js';
-import { measureNamed, measuresOf } from '../../client/web/app/lib/measures.js';
+import { isOfTissueNotMet, measureNamed, measuresOf } from '../../client/web/app/lib/measures.js';
 import { toggled, withValue } from '../../client/web/app/lib/paths.js';
 import { layerBounds } from '../../client/web/app/lib/scene.js';
 import { kCourseShape, kProfileShape, shownOf } from '../../client/web/app/lib/shape.js';
@@ -203,6 +203,13 @@ const kinds = [
   { name: 'entries', unit: '', words: 'Entries' },
   { name: 'peak_force_layer_K_n', unit: 'N', words: 'Peak force in layer K' },
 ];
+
+test('a tissue that the tip never was in has no row of its peak force, unless it is required', () => {
+  const row = { measure: 'peak_force_layer_2_n', value: 0 };
+  assert.equal(isOfTissueNotMet(row), true);
+  for (const met of [{ value: 0.3 }, { passed: true }, { measure: 'peak_force_n' }])
+    assert.equal(isOfTissueNotMet({ ...row, ...met }), false);
+});
 
 test('a measure of a layer is called by the name of the layer, as common/scoring measureWords calls it', () => {
   const words = (name, layers) => measureNamed(kinds, name, layers)?.words;

@@ -144,7 +144,7 @@ void LiveScreen::showHead(LabState& lab) {
   const auto& stats = live.stats();
   // a long line is cut at its end, so the most important text comes first
   std::string words;
-  if (live.approximate()) words = "forces by effect: approximate   ";
+  if (live.approximate()) words = "cannot follow: total force only   ";
   if (live.paused())
     words += fmt::format("PAUSED {:.1f} s behind   ", live.trace().lastTime_s() - live.viewEnd_s());
   words += fmt::format(

@@ -44,7 +44,7 @@ void ScoresScreen::showMeasures(const ReportData& data) {
   const std::vector<std::string> names = layerNamesOf(data);
   for (const bool required : {true, false}) {
     for (const Measure& measure : data.measures) {
-      if (measure.passed.has_value() != required) continue;
+      if (measure.passed.has_value() != required || isOfTissueNotMet(measure)) continue;
       ImGui::TableNextRow();
       ImGui::TableNextColumn();
       if (required) {

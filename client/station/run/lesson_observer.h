@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -57,6 +58,7 @@ struct LessonOutcome {
   Status stored;                ///< whether the recording is stored safely
   bool code_unchecked = false;  ///< as in LessonBeginning
   GestureCurve curve;
+  std::optional<NeedleLine> deepest;  ///< where the needle went deepest; none: never in tissue, or no curve
 };
 
 /// The station's threads call it, never the haptic thread. An implementation may block only on a short lock.

@@ -399,7 +399,10 @@ LessonOutcome StationRun::outcome() {
   outcome.summary = summarise();
   outcome.stored = stored_;
   outcome.code_unchecked = code_unchecked_;
-  if (local_ && local_->ok() && outcome.summary.results_from_unix_ns == 0) outcome.curve = (*local_)->curve;
+  if (local_ && local_->ok() && outcome.summary.results_from_unix_ns == 0) {
+    outcome.curve = (*local_)->curve;
+    outcome.deepest = (*local_)->deepest;
+  }
   return outcome;
 }
 

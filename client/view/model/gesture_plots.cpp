@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string_view>
 #include <utility>
 
@@ -72,6 +73,32 @@ std::vector<PlotMark> marksOf(const GestureTrace& trace, const SceneView* scene,
   return marks;
 }
 
+/// In a body: bands of what each insertion met and was ahead of it, while the needle was in it. A name stands
+/// once in an insertion.
+void addWays(Plot& plot, const GestureTrace& trace, const SceneView& scene) {
+  constexpr double kFarBeyond_m = 0.05;
+  std::map<std::string, std::size_t> named;  // in this insertion, each the band with its name
+  for (const WayStretch& stretch : trace.ways()) {
+    if (stretch.to_s < plot.from || stretch.from_s > plot.to) continue;
+    if (!stretch.goes_on) named.clear();
+    const double mm = 1e3 * stretch.line.slant;
+    const auto add = [&](const std::string& name, double top_m, double bottom_m, Rgb colour, bool is_target) {
+      const auto [at, first] = named.try_emplace(name + (is_target ? "*" : ""), plot.bands.size());
+      plot.bands.push_back({top_m * mm, bottom_m * mm, colour, first ? name : std::string(), stretch.from_s,
+                            stretch.to_s, stretch.to_s, is_target});
+      plot.bands[at->second].name_to = stretch.to_s;
+    };
+    const TissuesOnLine way = tissuesOnLine(scene, stretch.line, scene.needle.length_m + kFarBeyond_m);
+    for (const TissuesOnLine::Tissue& tissue : way.tissues) {
+      const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
+      add(isTarget(scene, tissue.layer) ? std::string() : layer.name, tissue.top_m, tissue.bottom_m,
+          tissueColour(layer.tissue), false);
+    }
+    for (const TissuesOnLine::Aim& aim : way.targets)
+      add(aim.name, aim.top_m, aim.bottom_m, kTargetColour, true);
+  }
+}
+
 void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, double from_s, double to_s) {
   const double mm = infoOf(TraceChannel::kDepth).shown_per_si;
   plot.title = "depth";
@@ -80,9 +107,18 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
   plot.downward = true;
   plot.series = {seriesOf(trace, TraceChannel::kDepth, kTipColour)};
   plot.share = 1.4F;
+  plot.series.back().name.clear();
   if (scene == nullptr) return;
-  for (const LayerView& layer : scene->layers)
-    plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
+  if (scene->body) {
+    addWays(plot, trace, *scene);
+  } else {
+    for (const LayerView& layer : scene->layers)
+      plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
+    for (const TargetView& target : scene->targets) {
+      plot.bands.push_back({target.top_m * mm, target.bottom_m * mm, kTargetColour, target.name});
+      plot.bands.back().is_target = true;
+    }
+  }
   // at least down to the target, so that the remaining distance is visible
   double deepest_m = leastSpanOf(PlotQuantity::kDepth) / mm;
   for (const TargetView& target : scene->targets)
@@ -93,21 +129,6 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
     if (!column.empty()) deepest_m = std::max(deepest_m, static_cast<double>(column.max) * 1.08);
   plot.low = -0.12 * deepest_m * mm;
   plot.high = deepest_m * mm;
-  if (!scene->targets.empty()) {
-    const TargetView& target = scene->targets.front();
-    const double at_m = 0.5 * (target.top_m + target.bottom_m);
-    PlotSeries line;
-    line.name = "target";
-    line.colour = kTargetColour;
-    line.dashed = true;
-    line.columns = [at_mm = static_cast<float>(at_m * mm)](double, double, std::span<PixelColumn> out) {
-      for (PixelColumn& column : out) {
-        column = {};
-        column.take(at_mm);
-      }
-    };
-    plot.series.push_back(std::move(line));
-  }
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ namespace needlelab {
 
 enum class GesturePlot : std::uint8_t {
   kForces,  ///< by effect, and the total
-  kDepth,   ///< downward, with the layers as bands and the target as a dashed line
+  kDepth,   ///< downward, with the tissues and targets as bands: in a body those of each insertion
   kSpeed,
   kAlignment,  ///< distance from the line that the needle set at its entry
   kAngles,     ///< α, and the needle's tilt from its own line

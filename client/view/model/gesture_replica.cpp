@@ -6,6 +6,7 @@
 
 #include "common/haptics/body/given_paths.h"
 #include "common/haptics/effects/clamping.h"
+#include "common/haptics/effects/line_layers.h"
 #include "common/haptics/effects/resume.h"
 
 namespace needlelab {
@@ -70,6 +71,7 @@ struct GestureReplica::State {
   bool reduced_rate = false;
   double loop_rate_hz = 1000;
   SceneEngine engine;
+  const PathLayers* path_in_use = nullptr;  // of now.path
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
@@ -102,6 +104,7 @@ GestureReplica::~GestureReplica() = default;
 void GestureReplica::restart() {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   state_->engine.restart();
+  state_->path_in_use = nullptr;
   state_->report = {};
   state_->report.p_wall_W_m = {nan, nan, nan};
   state_->now = {};
@@ -197,6 +200,11 @@ void GestureReplica::State::compareWith(const GestureSample& sample) {
 void GestureReplica::State::updateMoment() {
   now.depth_m = report.depth_m;
   const SimState& sim = engine.state();
+  const PathLayers* const path = engine.path();
+  const bool held = sim.inside && isHeldBack(dot(sim.u_W, now.p_WT_m - sim.p_entry_W_m), report.insertion_m);
+  if (path != path_in_use && !held)
+    now.path = path != nullptr ? std::make_shared<const PathLayers>(engine.pathInUse()) : nullptr;
+  path_in_use = held ? nullptr : path;
   now.inside = sim.inside || guessed;
   const bool path_unknown = model->body_spec && paths.unknown();
   now.approximate = differs || (now.inside && (lost || reduced_rate || cuts_unknown || path_unknown));
@@ -204,7 +212,7 @@ void GestureReplica::State::updateMoment() {
   now.tilt_rad = 0;
   now.clamping_W = {};
   // during a FAULT the engine does not step, and the force is zero
-  const bool forces = (sim.inside || engine.isCapped()) && now.fault == 0;
+  const bool forces = (sim.inside || engine.isCapped()) && now.fault == 0 && !now.approximate;
   now.terms = forces ? termsOf(report) : std::array<double, kEffectCount>{};
   if (!now.inside) return;
   now.p_entry_W_m = sim.inside ? sim.p_entry_W_m : guessed_entry_W_m;
@@ -225,6 +233,17 @@ std::uint64_t GestureReplica::fed() const {
 }
 const SceneModel& GestureReplica::model() const {
   return *state_->model;
+}
+
+std::optional<NeedleLine> lineOf(const Moment& moment) {
+  constexpr double kRightAtTip_m = 1e-3;  // below it the tip says nothing of the slant
+  if (isCapped(moment) || (!moment.inside && !moment.path)) return std::nullopt;
+  NeedleLine line{moment.p_entry_W_m, moment.u_W, 1, moment.path};
+  if (!moment.inside) line = {moment.path->point_W_m, normalized(zAxis(moment.q_WT)), 1, moment.path};
+  if (line.path) line.slant = slantOf(line.path->normal_W, line.u_W);
+  if (line.path && moment.inside && moment.insertion_m > kRightAtTip_m)
+    line.slant = std::max(kMinSlant, moment.depth_m / moment.insertion_m);
+  return line;
 }
 
 std::vector<Moment> momentsOf(std::shared_ptr<const SceneModel> model, std::span<const GestureSample> samples,

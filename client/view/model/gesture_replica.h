@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -34,19 +35,24 @@ struct Moment {
   std::uint32_t flags = 0, buttons = 0;
   std::uint8_t fault = 0;
   // from the replica
-  bool inside = false;                       ///< during an insertion; otherwise entry, u and tilt are
-                                             ///< meaningless
-  double depth_m = 0;                        ///< δ, always
-  Vec3 p_entry_W_m;                          ///< P0
-  Vec3 u_W;                                  ///< direction of the trajectory, unit
-  double alpha_rad = 0;                      ///< α(d_t); π/4 outside
-  double tilt_rad = 0;                       ///< θ, between the needle's axis and u
-  std::array<double, kEffectCount> terms{};  ///< force terms by Effect: along u and signed, or a magnitude
-  Vec3 clamping_W;                           ///< unit vector of the clamping force; zero without one
-  /// The replica's values may be inexact (the sample's own are not affected): since the tip was last outside,
-  /// ticks are missing or samples left out; or the scene has CUT_MEMORY and earlier cuts are unknown; or
-  /// the scene has a body and the station's paths of this insertion are not all known; or in this tick the
-  /// engine's force, layer or contact differs from the sample's by more than rounding explains
+  bool inside = false;   ///< during an insertion; otherwise entry, u and tilt are
+                         ///< meaningless
+  double depth_m = 0;    ///< δ, always
+  Vec3 p_entry_W_m;      ///< P0
+  Vec3 u_W;              ///< direction of the trajectory, unit
+  double alpha_rad = 0;  ///< α(d_t); π/4 outside
+  double tilt_rad = 0;   ///< θ, between the needle's axis and u
+  /// Force terms by Effect: along u and signed, or a magnitude; 0 while `approximate`.
+  std::array<double, kEffectCount> terms{};
+  Vec3 clamping_W;  ///< unit vector of the clamping force; zero without one
+  /// In a body: the path that the tick was stepped on, as it gave way to the tip; while bone or hub hold the
+  /// tip back, the one before, because a path lies where the hand is. Null: none, or other scenes.
+  std::shared_ptr<const PathLayers> path;
+  /// The replica cannot follow, and the values that it computes may be wrong (the sample's own are not
+  /// affected): since the tip was last outside, ticks are missing or samples left out; or the scene has
+  /// CUT_MEMORY and earlier cuts are unknown; or the scene has a body and the station's paths of this
+  /// insertion are not all known; or in this tick the engine's force, layer or contact differs from the
+  /// sample's by more than rounding explains
   /// (`kRoundingExplains_N`).
   bool approximate = false;
 
@@ -57,6 +63,20 @@ struct Moment {
 /// Whether the needle has its cap on (PALPATION).
 inline bool isCapped(const Moment& moment) {
   return (moment.flags & kFlagCapped) != 0;
+}
+
+/// The line of a needle, with the path that the engine stepped on along it.
+struct NeedleLine {
+  Vec3 entry_W_m, u_W;
+  double slant = 1;                                  ///< depth below the path's plane per length of needle
+  std::shared_ptr<const PathLayers> path = nullptr;  ///< null: not known, or no body
+};
+/// The needle's line in tissue; before it, where a body's path begins. Nullopt with the cap on, and outside
+/// without a path.
+std::optional<NeedleLine> lineOf(const Moment& moment);
+/// Whether bone or hub hold a tip back that the hand has brought `way_m` from its entry.
+constexpr bool isHeldBack(double way_m, double insertion_m) {
+  return way_m > insertion_m + 2e-4;
 }
 
 /// Copies the sample's values into the moment. Keeps the last position or rotation if the sample's is

@@ -61,6 +61,7 @@ ChannelInfo infoOf(TraceChannel channel) {
 double valueOf(TraceChannel channel, const Moment& moment) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   if (const EffectEntry* effect = effectOf(channel)) {
+    if (moment.approximate && effect->unit == "N") return std::numeric_limits<double>::quiet_NaN();
     const double term = termOf(*effect, moment);
     return effect->along_u ? -term : term;
   }
@@ -176,6 +177,17 @@ std::string_view signOf(TraceEvent::Kind kind) {
 
 namespace {
 
+/// Whether two paths look the same in a plot.
+bool looksLike(const PathLayers* a, const PathLayers* b) {
+  constexpr double kSeen_m = 0.25e-3;
+  if (a == b) return true;
+  return a != nullptr && b != nullptr &&
+         std::equal(a->layers.begin(), a->layers.begin() + a->count, b->layers.begin(),
+                    b->layers.begin() + b->count, [](const auto& x, const auto& y) {
+                      return x.structure == y.structure && std::fabs(x.top_m - y.top_m) < kSeen_m;
+                    });
+}
+
 AlarmTick alarmTickOf(const Moment& moment) {
   const bool inside = moment.layer >= 0;
   return {moment.time_s,
@@ -206,6 +218,7 @@ struct GestureTrace::Store {
   std::deque<Moment> moments;
   std::deque<TraceEvent> events;
   std::deque<PlotGap> gaps;
+  std::deque<WayStretch> ways;
   Moment last;
   bool any = false;
   double last_turn_s = 0, gap_until_s = 0;
@@ -214,6 +227,7 @@ struct GestureTrace::Store {
   GestureAlarms alarms;
 
   void findGap(const Moment& moment);
+  void findWay(const Moment& moment);
   void findEvents(const Moment& moment);
   void addEvent(TraceEvent event);
   void forgetOld();
@@ -265,6 +279,7 @@ void GestureTrace::push(const Moment& moment) {
   store.blocks.back()->push(moment);
   const std::size_t events_before = store.events.size();
   store.findGap(moment);
+  store.findWay(moment);
   store.findEvents(moment);
   // keep whole moments at 100 Hz and at events
   if (store.moments.empty() || moment.time_s >= store.moments.back().time_s + kMomentPeriod_s - 1e-9 ||
@@ -282,6 +297,7 @@ void GestureTrace::Store::forgetOld() {
   while (moments.size() > 1 && moments[1].time_s <= oldest_s) moments.pop_front();
   while (!events.empty() && (events.front().time_s < oldest_s || events.size() > kMaxEvents))
     events.pop_front();
+  while (!ways.empty() && (ways.front().to_s < oldest_s || ways.size() > kMaxEvents)) ways.pop_front();
   while (!gaps.empty() && (gaps.front().to < oldest_s || gaps.size() > kMaxEvents)) gaps.pop_front();
 }
 
@@ -315,6 +331,14 @@ void GestureTrace::Store::findGap(const Moment& moment) {
     addEvent(std::move(event));
   }
   gap_until_s = moment.time_s;
+}
+
+void GestureTrace::Store::findWay(const Moment& moment) {
+  if (!moment.inside) return;
+  const bool goes_on = any && last.inside && !ways.empty();
+  if (goes_on) ways.back().to_s = moment.time_s;
+  if (goes_on && looksLike(ways.back().line.path.get(), moment.path.get())) return;
+  if (const auto line = lineOf(moment)) ways.push_back({moment.time_s, moment.time_s, goes_on, *line});
 }
 
 void GestureTrace::Store::findEvents(const Moment& moment) {
@@ -391,6 +415,10 @@ std::vector<Moment> GestureTrace::between(double from_s, double to_s) const {
 
 const std::deque<TraceEvent>& GestureTrace::events() const {
   return store_->events;
+}
+
+const std::deque<WayStretch>& GestureTrace::ways() const {
+  return store_->ways;
 }
 
 const std::deque<PlotGap>& GestureTrace::gaps() const {

@@ -81,6 +81,12 @@ struct TraceEvent {
   std::uint64_t missing = 0;  ///< samples lost in a kGap
   double missing_s = 0;       ///< duration of those samples
 };
+/// A stretch of time in tissue on one path, within 0.25 mm.
+struct WayStretch {
+  double from_s = 0, to_s = 0;
+  bool goes_on = false;  ///< the insertion of the stretch before it
+  NeedleLine line;
+};
 /// An event in words: a remark's text, the size of a gap ("20 samples missing (20 ms)"), otherwise the kind's
 /// name.
 std::string wordsOf(const TraceEvent& event);
@@ -118,6 +124,8 @@ class GestureTrace {
   [[nodiscard]] std::vector<ActiveAlarm> alarms() const;
   /// Gaps within 0.2 s of each other form one event with all that is missing.
   [[nodiscard]] const std::deque<TraceEvent>& events() const;
+  /// What the engine stepped on in tissue, oldest first.
+  [[nodiscard]] const std::deque<WayStretch>& ways() const;
   /// Where samples are missing, oldest first; a curve has no value there.
   [[nodiscard]] const std::deque<PlotGap>& gaps() const;
   /// Returns the channel's value at the last tick at or before `time_s`, in SI; empty if no tick is kept or

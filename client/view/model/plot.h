@@ -84,6 +84,10 @@ struct PlotBand {
   double low = 0, high = 0;
   Rgb colour;
   std::string name;
+  double from = -std::numeric_limits<double>::infinity(),
+         to = std::numeric_limits<double>::infinity();  ///< x
+  double name_to = to;                                  ///< the name has room up to this x
+  bool is_target = false;  ///< drawn strongly, with its name at the other end, and at least as a line
 };
 /// A limit set by the exercise, drawn as a dashed line across the plot.
 struct PlotLimit {

@@ -8,6 +8,7 @@
 #include <fmt/core.h>
 
 #include "client/view/model/body_view.h"
+#include "client/view/model/gesture_replica.h"
 #include "common/anatomy/field_body.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
@@ -68,27 +69,6 @@ Vec3 wayIn(const SceneView& view) {
   return inward ? way / size : -view.focus_normal_W;
 }
 
-/// Gives each structure the depths where it is first met on the way in.
-void measureLayers(SceneView& view) {
-  const auto* const body = std::get_if<BodyLimb>(&view.limb_W);
-  if (body == nullptr) return;
-  constexpr double kDeepest_m = 0.2;
-  view.way_W = wayIn(view);
-  const double slant = -dot(view.way_W, view.focus_normal_W);
-  const LayerStack stack =
-      body->body->layersAlong(inverse(body->X_WL) * view.focus_W_m,
-                              rotate(conjugate(body->X_WL.q), view.way_W), kDeepest_m, 0, AtBone::kEnds);
-  for (std::size_t i = stack.count; i-- > 0;) {
-    const bool last = i + 1 == stack.count;
-    const bool is_bone = last && stack.end == StackEnd::kBone;
-    LayerView& layer = view.layers[stack.layers[i].structure];
-    layer.top_m = slant * stack.layers[i].top_m;
-    layer.bottom_m = !last     ? slant * stack.layers[i + 1].top_m
-                     : is_bone ? layer.top_m + view.needle.length_m
-                               : slant * stack.end_m;
-  }
-}
-
 }  // namespace
 
 Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
@@ -125,6 +105,15 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
     const double up_m = depthBelowSkin(view.limb_W, center) - 0.5 * (span.top_m + span.bottom_m);
     view.targets.push_back({target.ball.name, center, target.ball.radius_m, center + up_m * normal, normal,
                             span.top_m, span.bottom_m});
+    TargetView& made = view.targets.back();
+    const auto& written = profile.targets(static_cast<int>(view.targets.size()) - 1);
+    made.is_structure = target.ball.structure != nullptr;
+    if (made.is_structure || !written.tissues().empty()) made.layers = 0;
+    for (std::size_t i = 0; i < view.layers.size(); ++i)
+      if (made.is_structure
+              ? profile.volume().structures(static_cast<int>(i)).id() == written.structure()
+              : std::ranges::find(written.tissues(), view.layers[i].name) != written.tissues().end())
+        made.layers |= 1U << i;
   }
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i) {
     Region& region = anatomy.hazards[i];
@@ -140,19 +129,7 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   const double target_m = view.targets.empty() ? 0 : below_m;
   view.extent_m = std::clamp(std::max(0.9 * view.needle.length_m, 1.5 * target_m), 0.01, 0.5);
   if (view.body) frameBody(view);
-  measureLayers(view);
-  // a target that is a structure is where the way in meets it
-  for (int i = 0; i < profile.targets_size(); ++i)
-    for (int k = 0; k < profile.volume().structures_size(); ++k) {
-      if (!profile.targets(i).has_structure() ||
-          profile.volume().structures(k).id() != profile.targets(i).structure())
-        continue;
-      const LayerView& layer = view.layers[static_cast<std::size_t>(k)];
-      if (!(layer.bottom_m > layer.top_m)) continue;
-      TargetView& target = view.targets[static_cast<std::size_t>(i)];
-      target.top_m = layer.top_m;
-      target.bottom_m = layer.bottom_m;
-    }
+  view.way_W = wayIn(view);
   return view;
 }
 
@@ -161,8 +138,6 @@ double depthAt(const SceneView& scene, Vec3 p_W_m) {
 }
 
 int layerAt(const SceneView& scene, double depth_m) {
-  if (std::holds_alternative<BodyLimb>(scene.limb_W))
-    return layerAt(scene, scene.focus_W_m - scene.way_W * (depth_m / dot(scene.way_W, scene.focus_normal_W)));
   return layerAtDepth(scene.layer_end_m, depth_m);
 }
 
@@ -175,6 +150,59 @@ const std::string& layerName(const SceneView& scene, int layer) {
   if (layer < 0) return kOutsideWord;
   if (static_cast<std::size_t>(layer) >= scene.layers.size()) return kNone;
   return scene.layers[static_cast<std::size_t>(layer)].name;
+}
+
+NeedleLine lineToTarget(const SceneView& scene) {
+  return {scene.focus_W_m, scene.body ? scene.way_W : -scene.focus_normal_W};
+}
+
+bool isTarget(const SceneView& scene, int layer) {
+  return std::ranges::any_of(scene.targets, [&](const TargetView& target) {
+    return target.is_structure && ((target.layers >> layer) & 1U) != 0;
+  });
+}
+
+TissuesOnLine tissuesOnLine(const SceneView& scene, const NeedleLine& line, double reach_m) {
+  constexpr double kStep_m = 1e-4;
+  TissuesOnLine way;
+  const auto add = [&](int layer, double top_m, double bottom_m) {
+    bottom_m = std::min(bottom_m, reach_m);
+    if (layer < 0 || layer >= static_cast<int>(scene.layers.size()) || !(bottom_m > top_m)) return;
+    if (!way.tissues.empty() && way.tissues.back().layer == layer && way.tissues.back().bottom_m == top_m)
+      way.tissues.back().bottom_m = bottom_m;
+    else
+      way.tissues.push_back({layer, top_m, bottom_m});
+  };
+  if (line.path) {
+    const auto& layers = line.path->layers;
+    const std::size_t count = line.path->count;
+    for (std::size_t i = 0; i < count; ++i)
+      add(layers[i].structure == kOutside ? -1 : layers[i].structure, layers[i].top_m / line.slant,
+          i + 1 < count ? layers[i + 1].top_m / line.slant : reach_m);
+  } else {
+    for (int k = 0; k * kStep_m < reach_m; ++k)
+      add(layerAt(scene, line.entry_W_m + line.u_W * ((k + 0.5) * kStep_m)), k * kStep_m, (k + 1) * kStep_m);
+  }
+  for (const TargetView& target : scene.targets) {
+    const Vec3 to_center = target.center_W_m - line.entry_W_m;
+    const double foot_m = dot(to_center, line.u_W), r_m = target.radius_m;
+    const double half2_m2 = r_m * r_m - normSquared(to_center - line.u_W * foot_m);
+    const double half_m =
+        target.is_structure ? reach_m + std::fabs(foot_m) : std::sqrt(std::max(0.0, half2_m2));
+    const std::size_t before = way.targets.size();
+    for (const TissuesOnLine::Tissue& tissue : way.tissues) {
+      const double top_m = std::max(tissue.top_m, foot_m - half_m),
+                   bottom_m = std::min(tissue.bottom_m, foot_m + half_m);
+      if (((target.layers >> tissue.layer) & 1U) == 0 || !(bottom_m > top_m)) continue;
+      if (way.targets.size() > before && way.targets.back().bottom_m == top_m)
+        way.targets.back().bottom_m = bottom_m;
+      else
+        way.targets.push_back({way.targets.size() == before ? target.name : "", top_m, bottom_m});
+    }
+    if (way.targets.size() == before)
+      way.targets.push_back({target.name + ", beside the line", foot_m, foot_m});
+  }
+  return way;
 }
 
 Vec3 openingOf(const SceneView& scene, Vec3 tip_W_m, Quat q_WT) {

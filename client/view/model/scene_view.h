@@ -20,12 +20,12 @@ namespace needlelab {
 
 class FieldBody;
 class StructureRegion;
+struct NeedleLine;
 
 struct LayerView {
   pb::Layer::Tissue tissue = pb::Layer::OTHER;
   std::string name;  ///< for people: "ligamentum flavum", "skin" (common/profile/layer_names.h)
-  /// Depth δ below the surface, [top, bottom). In a volume: of the structure where it is first met straight
-  /// from the focus along `way_W`; 0 and 0 if it is not met there.
+  /// Depth δ below the surface, [top, bottom). In a volume 0 and 0: depth does not tell the structure.
   double top_m = 0;
   double bottom_m = 0;   ///< as drawn; in the engine the last layer has no end
   double cutting_N = 0;  ///< f_cut
@@ -39,7 +39,9 @@ struct TargetView {
   Vec3 middle_W_m,
       normal_W;  ///< middle of the relevant part; the surface's unit normal there, outwards
   double top_m = 0,
-         bottom_m = 0;  ///< depth range at its centre: the ball's, limited to its tissues
+         bottom_m = 0;         ///< depth range at its centre: the ball's, limited to its tissues
+  std::uint32_t layers = ~0U;  ///< a bit for each layer that counts
+  bool is_structure = false;   ///< of a volume: those layers alone, not the ball
 };
 
 /// A ball (a = b) or a capsule of `radius_m` about the segment a-b.
@@ -69,8 +71,7 @@ struct SceneView {
   /// The view's focus: the surface point above the first target, otherwise above the limb's middle; and the
   /// unit normal there, out of the tissue.
   Vec3 focus_W_m, focus_normal_W;
-  /// In a body: the unit direction from the focus to the first target, or straight in. Depths of layers are
-  /// those of the places along it.
+  /// The unit direction from the focus to the first target, or straight in.
   Vec3 way_W;
   double extent_m = 0.1;  ///< radius about the focus for the initial view: target, needle, limb
 };
@@ -83,13 +84,37 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL = {})
 
 /// Depth of a point below the nearest skin, negative outside.
 double depthAt(const SceneView& scene, Vec3 p_W_m);
-/// Returns the index of the layer at depth δ; −1 outside. In a volume: on the way from the focus to the
-/// target.
+/// Returns the index of the layer at depth δ; −1 outside, and in a volume.
 int layerAt(const SceneView& scene, double depth_m);
 /// Returns the index of the layer, in a volume of the structure, at a point of W; −1 outside.
 int layerAt(const SceneView& scene, Vec3 p_W_m);
 /// "skin", "deltoid muscle", …; "outside" for −1, "?" for an index that the scene does not have.
 const std::string& layerName(const SceneView& scene, int layer);
+/// What lies on a needle's line; depths are along the needle, from where it goes in.
+struct TissuesOnLine {
+  struct Tissue {
+    int layer = 0;
+    double top_m = 0, bottom_m = 0;
+    /// Whether a tip whose sample has this layer is in it; path and sample may differ by 1 mm.
+    [[nodiscard]] bool holds(int tip_layer, double tip_m) const {
+      return layer == tip_layer && tip_m >= top_m - 1e-3 && tip_m <= bottom_m + 1e-3;
+    }
+  };
+  struct Aim {
+    std::string name;  ///< of the target; off the line "bursa, beside the line"; empty: a further piece
+    double top_m = 0, bottom_m = 0;  ///< off the line both are the place nearest to its centre
+  };
+  std::vector<Tissue> tissues;
+  std::vector<Aim> targets;  ///< each piece of each target
+};
+/// The tissues of the path that the engine stepped on; without one, where the line meets them in the scene,
+/// to 0.1 mm.
+TissuesOnLine tissuesOnLine(const SceneView& scene, const NeedleLine& line, double reach_m);
+/// Whether a target is that structure: then one of the two names is enough.
+bool isTarget(const SceneView& scene, int layer);
+/// The line from the focus to the first target, or straight in.
+NeedleLine lineToTarget(const SceneView& scene);
+
 /// Returns the middle of the needle's opening, where an injection leaves: `openingBehindTip_m` behind the
 /// tip.
 Vec3 openingOf(const SceneView& scene, Vec3 tip_W_m, Quat q_WT);

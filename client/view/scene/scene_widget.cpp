@@ -195,11 +195,6 @@ void drawTrails(ImDrawList& list, const PictureFrame& picture, const SceneFrame&
   }
 }
 
-// whether a target has this name
-bool isTarget(const SceneView& scene, const std::string& name) {
-  return std::ranges::any_of(scene.targets, [&](const TargetView& target) { return target.name == name; });
-}
-
 // In a body, of bones, tendons, nerves, vessels and hazards: the layers beside the needle stand beside the
 // picture.
 void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRenderer& renderer,
@@ -215,7 +210,7 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
       const StructureShape shape = shapeOf(structure);
       const HazardView* const hazard = hazardAt(scene, name.place_W_m);
       if (!hazard && shape == StructureShape::kSoft) continue;
-      if (isTarget(scene, structure.name)) continue;  // its mark has the name
+      if (isTarget(scene, name.structure)) continue;  // its mark has the name
       const bool hidden =
           (hazard || shape == StructureShape::kLine) && !frame.aids.has(pb::Exercise::ANATOMY);
       const auto at = picture.at(name.place_W_m);
@@ -394,7 +389,8 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   if (frame.show_needle && frame.moment.approximate) {
     WithFont font(Letters::kSmall);
     constexpr const char* kWords =
-        "≈ computed here, not recorded: entry, line and forces by effect may be off";
+        "≈ this view cannot follow until the needle is outside: entry and line may be off, forces by effect "
+        "are not shown";
     const float width_px = ImGui::CalcTextSize(kWords).x;
     const ImVec2 at{result.corner_px.x + (size_px.x - width_px) * 0.5F, result.corner_px.y + space() * 0.6F};
     list.AddRectFilled({at.x - 6, at.y - 2}, {at.x + width_px + 6, at.y + ImGui::GetFontSize() + 4},

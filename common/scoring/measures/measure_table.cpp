@@ -74,6 +74,11 @@ MeasureForm formOf(std::string_view name) {
   return kind == nullptr ? MeasureForm::kQuantity : kind->form;
 }
 
+bool isOfTissueNotMet(const Measure& row) {
+  const MeasureKind* const kind = measureKind(row.name);
+  return kind != nullptr && kind->need == MeasureNeed::kLayer && row.value == 0 && !row.passed;
+}
+
 MeasureRole roleOf(std::string_view name) {
   const MeasureKind* const kind = measureKind(name);
   return kind == nullptr ? MeasureRole::kNone : kind->role;

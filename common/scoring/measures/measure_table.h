@@ -131,6 +131,10 @@ const MeasureKind& measureOf(MeasureRole role);
 /// Returns the names of the measures with a place, in its order: `&MeasureKind::in_lists`, `in_reports`.
 std::vector<std::string_view> measuresIn(std::uint8_t MeasureKind::*place);
 
+/// Whether the row says 0 N of a tissue that the tip never was in, and nothing is required there: no row of a
+/// table.
+bool isOfTissueNotMet(const Measure& row);
+
 /// Returns the words for a row: "Peak force in dura" with the profile's `layerNames`, "Peak force in layer 3"
 /// without them; the name itself if it is unknown.
 std::string measureWords(std::string_view name, std::span<const std::string> layer_names = {});

@@ -107,7 +107,7 @@ class LiveStation {
   [[nodiscard]] std::uint64_t newestTick() const { return newest_tick_; }
   [[nodiscard]] double rate_hz() const { return rate_hz_; }
   [[nodiscard]] std::uint64_t unreadable() const { return unreadable_; }  ///< number of undecodable frames
-  /// Returns whether forces by effect may be wrong in the newest sample (`Moment::approximate`): part of the
+  /// Returns whether forces by effect are not known in the newest sample (`Moment::approximate`): part of the
   /// stream is missing and the tip has not been outside since, or the engine's force differs from the
   /// recorded one.
   [[nodiscard]] bool approximate() const { return !trace_.empty() && trace_.last().approximate; }

@@ -210,7 +210,7 @@ std::string measuresOf(const ReportData& data) {
   // required measures first
   for (const bool required : {true, false}) {
     for (const Measure& measure : data.measures) {
-      if (measure.passed.has_value() != required) continue;
+      if (measure.passed.has_value() != required || isOfTissueNotMet(measure)) continue;
       const char* const sign = !required ? "" : *measure.passed ? "✔" : "✘";
       out += std::string("<tr><td class='v'>") + sign + "</td><td title='" + htmlText(measure.words) + "'>" +
              htmlText(measureWords(measure.name, names)) + "</td><td class='n'>" +

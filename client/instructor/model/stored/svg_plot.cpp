@@ -100,7 +100,12 @@ std::string drawnSeries(const Plot& plot, std::size_t number, std::span<const Pi
   for (std::size_t i = 0; i < columns.size(); ++i) {
     const PixelColumn& column = columns[i];
     if (column.empty()) continue;
-    if (before && isBroken(plot, *before, i, columns.size())) runs.emplace_back();
+    const auto isAbsent = [&](std::size_t column) {
+      const double share = static_cast<double>(column) / static_cast<double>(columns.size());
+      return series.reader && !series.reader(plot.from + share * (plot.to - plot.from));
+    };
+    if (before && (isBroken(plot, *before, i, columns.size()) || isAbsent((*before + i) / 2)))
+      runs.emplace_back();
     before = i;
     CurvePath& path = runs.back();
     const double x = kLeft + static_cast<double>(i) + 0.5;
@@ -131,12 +136,18 @@ std::string drawnBands(const Plot& plot, const SvgFrame& frame) {
   for (const PlotBand& band : plot.bands) {
     const double a = std::clamp(band.low, frame.low, frame.high),
                  b = std::clamp(band.high, frame.low, frame.high);
-    if (!(b > a)) continue;
-    const double top = std::min(frame.y(a), frame.y(b)), height = std::abs(frame.y(a) - frame.y(b));
+    if (!(b > a) && !(band.is_target && band.low > frame.low && band.high < frame.high)) continue;
+    const double top = std::min(frame.y(a), frame.y(b)),
+                 height = std::max(std::abs(frame.y(a) - frame.y(b)), band.is_target ? 1.5 : 0);
+    const auto within = [&](double x) { return std::clamp(frame.x(x), kLeft, frame.right()); };
+    const double left = within(band.from), right = within(band.to), name_end = within(band.name_to);
     out += fmt::format(
-        "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' fill-opacity='.28'/>", kLeft,
-        top, frame.right() - kLeft, height, hexText(band.colour));
-    if (height > 11) out += textAt(frame.right() - 4, top + height / 2 + 4, "end", band.name, " class='q'");
+        "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' fill-opacity='{}'/>", left, top,
+        right - left, height, hexText(band.colour), band.is_target ? ".5" : ".28");
+    const bool has_room = kLegendLetter * static_cast<double>(band.name.size()) < name_end - left;
+    if (band.name.empty() || !has_room || !(height > 11 || band.is_target)) continue;
+    out += band.is_target ? textAt(left + 4, top + height / 2 + 4, "start", band.name)
+                          : textAt(name_end - 4, top + height / 2 + 4, "end", band.name, " class='q'");
   }
   return out;
 }

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "common/gesture/chunk.h"
+#include "common/haptics/body/path_snapshot.h"
+#include "common/haptics/effects/line_layers.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 #include "common/scoring/measures/measures.h"
@@ -29,14 +31,14 @@ bool isFinitePoint(const GestureSample& s) {
                        s.lateral_error_m + s.speed_mps);
 }
 
-// A body's layers lie along the needle. What the capped needle presses is the skin.
+// What the capped needle presses is the skin.
 double depthOf(const Limb& limb_W, const GestureSample& sample) {
   if ((sample.flags & kFlagCapped) != 0) return std::numeric_limits<double>::quiet_NaN();
-  if (std::holds_alternative<BodyLimb>(limb_W) && sample.layer >= 0)
-    return static_cast<double>(sample.insertion_m);
+  if (sample.layer >= 0) return static_cast<double>(sample.insertion_m);
   return signedDepth(limb_W, tipOf(sample));
 }
 
+constexpr double kLine_m = 1e-3;                  // a shorter way has no direction
 constexpr std::uint64_t kMaxSamples = 2'000'000;  // half an hour at 1 kHz, half a gigabyte
 
 }  // namespace
@@ -61,12 +63,30 @@ GestureCurve gestureCurve(std::span<const GestureSample> samples, const Limb& li
     if (strongest == nullptr) continue;
     const GestureSample& s = *strongest;
     curve.push_back({static_cast<float>(1e-9 * static_cast<double>(s.time_ns - samples.front().time_ns)),
-                     static_cast<float>(depthOf(limb_W, s)), static_cast<float>(s.insertion_m),
-                     static_cast<float>(forceIn(s)),
+                     static_cast<float>(depthOf(limb_W, s)), static_cast<float>(forceIn(s)),
                      static_cast<float>(std::isnan(lateral_m) ? s.lateral_error_m : lateral_m),
-                     static_cast<float>(s.speed_mps), static_cast<float>(planned_m)});
+                     static_cast<float>(planned_m), s.layer});
   }
   return curve;
+}
+
+void DeepestLine::take(std::span<const GestureSample> samples, ByteView paths) {
+  const std::vector<PathSnapshot> snapshots = pathsIn(paths);
+  auto next = snapshots.begin();
+  for (const GestureSample& s : samples) {
+    if ((s.flags & kFlagEntry) != 0) path_ = nullptr, entry_W_m_ = tipOf(s);
+    const bool held = path_ && entry_W_m_ && isHeldBack(norm(tipOf(s) - *entry_W_m_), s.insertion_m);
+    for (; next != snapshots.end() && next->tick <= s.tick; ++next)
+      if (!held) path_ = std::make_shared<const PathLayers>(next->path);
+    const bool in_tissue = s.layer >= 0 && (s.flags & (kFlagCapped | kFlagNotStepped)) == 0;
+    if (!in_tissue || !isFinitePoint(s) || !(s.insertion_m > insertion_m_)) continue;
+    insertion_m_ = s.insertion_m;
+    const Vec3 axis_W = normalized(zAxis(Quat{s.q_WT[0], s.q_WT[1], s.q_WT[2], s.q_WT[3]}));
+    const Vec3 begin_W_m = entry_W_m_.value_or(tipOf(s) - axis_W * s.insertion_m);
+    const Vec3 way_W_m = tipOf(s) - begin_W_m;
+    line_ = NeedleLine{begin_W_m, norm(way_W_m) > kLine_m ? normalized(way_W_m) : axis_W, 1, path_};
+    if (path_) line_->slant = slantOf(path_->normal_W, line_->u_W);
+  }
 }
 
 Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL) {
@@ -76,10 +96,12 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
                  fmt::format("the session has {} samples, the station scores at most {}; the server will",
                              contents.samples, kMaxSamples)};
   std::vector<GestureSample> samples;
+  DeepestLine deepest;
   samples.reserve(contents.samples);
   for (std::uint64_t seq = 0; seq < contents.chunks; ++seq) {
     ASSIGN_OR_RETURN(auto chunk, session.readChunk(seq));
     ASSIGN_OR_RETURN(auto some, decodeChunk(chunk));
+    deepest.take(some, pathListOf(chunk));
     samples.insert(samples.end(), some.begin(), some.end());
   }
   if (samples.empty()) return Error{ErrorCode::kNotFound, "nothing was recorded"};
@@ -90,7 +112,7 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
   const auto events = syringeEvents(samples, session.description().rate_hz(), lesson.profile, X_WL);
   return LocalScore{scoreJson(measures), eventsJson(events),
                     gestureCurve(samples, lesson.model.limb, kCurvePoints, plan),
-                    missOf(samples, events, lesson.profile, X_WL)};
+                    missOf(samples, events, lesson.profile, X_WL), deepest.line()};
 }
 
 }  // namespace needlelab

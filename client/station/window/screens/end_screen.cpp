@@ -44,6 +44,7 @@ void judge(const std::vector<Measure>& measures, LessonVerdict& verdict) {
   std::size_t missing = 0;
   for (const Measure& measure : measures) {
     VerdictRow row{measure.words, measure.passed};
+    if (isOfTissueNotMet(measure)) continue;
     if (!measure.passed) {
       verdict.others.push_back(std::move(row));
       continue;
@@ -121,16 +122,16 @@ struct DepthAxes {
   }
 };
 
-void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) {
+void drawBands(ImDrawList* draw, const DepthAxes& axes, const TissuesOnLine& way, const SceneView& scene) {
   const float bottom = axes.corner.y + axes.size.y, end = axes.corner.x + axes.size.x;
   std::array<float, 4> row_end{};  // where the names end so far; a name without room is omitted
-  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
-    const LayerView& layer = scene.layers[i];
-    if (layer.top_m >= axes.range.to_m) break;
-    const float left = axes.x(layer.top_m);
-    const float right = i + 1 == scene.layers.size() ? end : std::min(end, axes.x(layer.bottom_m));
+  for (const TissuesOnLine::Tissue& tissue : way.tissues) {
+    const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
+    if (tissue.top_m >= axes.range.to_m) break;
+    const float left = axes.x(tissue.top_m), right = std::min(end, axes.x(tissue.bottom_m));
     draw->AddRectFilled({left, axes.corner.y}, {right, bottom}, packed(tissueColour(layer.tissue), 0.35F));
     draw->AddLine({left, axes.corner.y}, {left, bottom}, packed(kLineGrey));
+    if (isTarget(scene, tissue.layer)) continue;
     // moves names of thin layers to other rows
     const std::string name = fittedText(layer.name, axes.size.x - 6);
     const float width = ImGui::CalcTextSize(name.c_str()).x, from = std::min(left + 3, end - width);
@@ -141,11 +142,17 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const SceneView& scene) 
         {from, axes.corner.y + 2 + static_cast<float>(row - row_end.begin()) * ImGui::GetTextLineHeight()},
         packed(kText), name.c_str());
   }
-  for (const TargetView& target : scene.targets) {
-    const float left = axes.x(target.top_m), right = axes.x(target.bottom_m);
+  for (const TissuesOnLine::Aim& aim : way.targets) {
+    const float left = axes.x(aim.top_m), right = std::max(left + 2, std::min(axes.x(aim.bottom_m), end));
     if (left > end) continue;
-    draw->AddRectFilled({left, bottom - 6}, {std::min(right, end), bottom}, packed(kTargetColour));
-    draw->AddRect({left, axes.corner.y}, {std::min(right, end), bottom}, packed(kTargetColour, 0.8F));
+    draw->AddRectFilled({left, bottom - 6}, {right, bottom}, packed(kTargetColour));
+    draw->AddRect({left, axes.corner.y}, {right, bottom}, packed(kTargetColour, 0.8F));
+    if (aim.name.empty()) continue;
+    const std::string name = fittedText(aim.name, axes.size.x - 6);
+    const float width = ImGui::CalcTextSize(name.c_str()).x;
+    const ImVec2 from{std::min(left + 3, end - width - 3), bottom - 8 - ImGui::GetTextLineHeight()};
+    draw->AddRectFilled({from.x - 2, from.y}, {from.x + width + 2, bottom - 8}, packed(kBlack, 0.6F));
+    draw->AddText(from, packed(kTargetColour), name.c_str());
   }
 }
 
@@ -169,27 +176,24 @@ void drawAxes(ImDrawList* draw, const DepthAxes& axes) {
   }
 }
 
-/// Where a point lies among the layers. A body's are given as depths along the normal where the planned way
-/// goes in, the needle's depth along itself.
-double placeOf(const CurvePoint& point, const SceneView& scene) {
-  const double depth_m = static_cast<double>(point.depth_m);
-  return scene.body && depth_m > 0 ? -dot(scene.way_W, scene.focus_normal_W) * depth_m : depth_m;
-}
-
 // one line per direction, each with its own colour
-void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& curve, const SceneView& scene) {
+void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& curve,
+                 const TissuesOnLine& way) {
   std::vector<ImVec2> points;
-  bool inward = true;
+  bool inward = true, off_way = false;
   const auto flush = [&] {
     if (points.size() > 1)
-      draw->AddPolyline(points.data(), static_cast<int>(points.size()), packed(inward ? kSkyBlue : kOrange),
+      draw->AddPolyline(points.data(), static_cast<int>(points.size()),
+                        packed(off_way  ? kDimText
+                               : inward ? kSkyBlue
+                                        : kOrange),
                         0, 2);
     if (!points.empty()) points.erase(points.begin(), points.end() - 1);
   };
   double turn_m = 0;
   constexpr double kTurn_m = 1e-3;  // smaller changes are tremor
   for (const CurvePoint& point : curve) {
-    const double depth = placeOf(point, scene);
+    const double depth = static_cast<double>(point.depth_m);
     if (std::isnan(depth)) {
       flush();
       points.clear();
@@ -202,6 +206,10 @@ void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& cu
       inward = !inward;
       turn_m = depth;
     }
+    if (const bool off = isOffWay(point, way); off != off_way) {
+      flush();
+      off_way = off;
+    }
     points.push_back({axes.x(depth), axes.y(static_cast<double>(point.force_N))});
   }
   flush();
@@ -209,16 +217,29 @@ void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& cu
 
 }  // namespace
 
-DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene) {
+bool isOffWay(const CurvePoint& point, const TissuesOnLine& way) {
+  const auto at_m = static_cast<double>(point.depth_m);
+  return point.layer >= 0 && std::ranges::none_of(way.tissues, [&](const TissuesOnLine::Tissue& tissue) {
+           return tissue.holds(point.layer, at_m);
+         });
+}
+
+TissuesOnLine wayOf(const LessonOutcome& outcome, const SceneView& scene) {
+  const NeedleLine line = outcome.deepest.value_or(lineToTarget(scene));
+  return tissuesOnLine(scene, line, lineReach_m(scene, line.entry_W_m, line.u_W));
+}
+
+DepthPlotRange depthPlotRange(const GestureCurve& curve, const TissuesOnLine& way) {
   DepthPlotRange range;
   double deepest = 0, force = 0;
   for (const CurvePoint& point : curve) {
-    const double depth = placeOf(point, scene);
+    const auto depth = static_cast<double>(point.depth_m);
     if (std::isnan(depth)) continue;
     deepest = std::max(deepest, depth);
     force = std::max(force, static_cast<double>(point.force_N));
   }
-  for (const TargetView& target : scene.targets) deepest = std::max(deepest, target.bottom_m);
+  for (const TissuesOnLine::Aim& aim : way.targets)
+    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
   range.from_m = -kOutside_m;
   range.to_m = std::max(1.08 * deepest, 1e-3 * leastSpanOf(PlotQuantity::kDepth));
   range.force_N = std::max(1.1 * force, leastSpanOf(PlotQuantity::kForce));
@@ -253,7 +274,7 @@ Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral
   return plot;
 }
 
-void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px) {
+void depthPlot(const GestureCurve& curve, const TissuesOnLine& way, const SceneView& scene, ImVec2 size_px) {
   const WithFont small(Letters::kSmall);
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   if (size_px.x <= 0) size_px.x = ImGui::GetContentRegionAvail().x;
@@ -262,21 +283,23 @@ void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px
   const float line = ImGui::GetTextLineHeight(), left = 4.5F * space();
   draw->AddText(corner, packed(kText), "force over depth, N over mm");
   // the legend, right of the title
-  const float legend = ImGui::CalcTextSize("— in   — out").x;
-  const float x = corner.x + size_px.x - legend - space();
+  const bool off = std::ranges::any_of(curve, [&](const CurvePoint& point) { return isOffWay(point, way); });
+  const char* const words = off ? "— in   — out   — on another line" : "— in   — out";
+  const float x = corner.x + size_px.x - ImGui::CalcTextSize(words).x - space();
+  if (off) draw->AddText({x, corner.y}, packed(kDimText), words);
   draw->AddText({x, corner.y}, packed(kSkyBlue), "— in");
   draw->AddText({x + ImGui::CalcTextSize("— in   ").x, corner.y}, packed(kOrange), "— out");
   const DepthAxes axes{{corner.x + left, corner.y + 1.4F * line},
                        {size_px.x - left - space(), size_px.y - 2.9F * line},
-                       depthPlotRange(curve, scene)};
+                       depthPlotRange(curve, way)};
   if (axes.size.y < 20) return;
   const ImVec2 end{axes.corner.x + axes.size.x, axes.corner.y + axes.size.y};
   draw->PushClipRect(axes.corner, end, true);
-  drawBands(draw, axes, scene);
+  drawBands(draw, axes, way, scene);
   draw->PopClipRect();
   drawAxes(draw, axes);
   draw->PushClipRect(axes.corner, end, true);
-  drawGesture(draw, axes, curve, scene);
+  drawGesture(draw, axes, curve, way);
   draw->PopClipRect();
   draw->AddRect(axes.corner, end, packed(kLineGrey));
 }
@@ -427,7 +450,7 @@ void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) 
     return;
   }
   const ImVec2 rest = ImGui::GetContentRegionAvail();
-  depthPlot(outcome.curve, *scene, {rest.x, 0.58F * rest.y});
+  depthPlot(outcome.curve, wayOf(outcome, *scene), *scene, {rest.x, 0.58F * rest.y});
   linePlot("lateral", lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_), {rest.x, 0.40F * rest.y});
 }
 

@@ -42,20 +42,25 @@ struct LessonVerdict {
 /// Pure.
 LessonVerdict verdictOf(const LessonOutcome& outcome);
 
-/// The plot's range: from outside the skin to the deepest point, up to the greatest force.
+/// The plot's range: from outside the skin to the deepest point and target, up to the greatest force.
 struct DepthPlotRange {
   double from_m = -0.01, to_m = 0.01;
   double force_N = 1;
 };
-DepthPlotRange depthPlotRange(const GestureCurve& curve, const SceneView& scene);
+DepthPlotRange depthPlotRange(const GestureCurve& curve, const TissuesOnLine& way);
+/// Whether the point's tissue is not what the way has there: it was on another line.
+bool isOffWay(const CurvePoint& point, const TissuesOnLine& way);
+/// What lies on the line of the deepest insertion; where there is none, on the way to the target.
+TissuesOnLine wayOf(const LessonOutcome& outcome, const SceneView& scene);
 
 /// The tip's distance from its own line over time, and from the planned one, with the exercise's limits;
 /// refers to the spans. `planned_mm`: empty without a plan. `measures`: of the score.
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
                  std::span<const double> planned_mm, std::span<const Measure> measures);
 
-/// Draws insertion and withdrawal in different colours, layers as named bands, and marks the targets.
-void depthPlot(const GestureCurve& curve, const SceneView& scene, ImVec2 size_px);
+/// Draws force over depth along the needle: insertion and withdrawal in different colours, what was on
+/// another line in grey; the way's tissues and targets as named bands.
+void depthPlot(const GestureCurve& curve, const TissuesOnLine& way, const SceneView& scene, ImVec2 size_px);
 
 /// Thread: the window's.
 class EndScreen {

@@ -47,12 +47,20 @@ Rgb lettersOn(Rgb background) {
 
 }  // namespace
 
-double ladderDepth_m(const SceneView& scene) {
+double ladderDepth_m(const SceneView& scene, double insertion_m) {
+  const NeedleLine line = lineToTarget(scene);
+  const TissuesOnLine way = tissuesOnLine(scene, line, lineReach_m(scene, line.entry_W_m, line.u_W));
   double deepest = 0;
-  for (const TargetView& target : scene.targets) deepest = std::max(deepest, target.bottom_m);
-  if (deepest > 0) return 1.2 * deepest;
-  const double layers = scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
+  for (const TissuesOnLine::Aim& aim : way.targets)
+    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
+  if (deepest > 0) return std::max(1.2 * deepest, 1.1 * insertion_m);
+  const double layers = scene.body || scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
   return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
+}
+
+std::optional<double> ladderMark_m(const Moment& now) {
+  if (isCapped(now)) return std::nullopt;
+  return now.inside ? now.insertion_m : now.depth_m;
 }
 
 void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px) {
@@ -67,33 +75,40 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   const float scale_width = depth ? 4.2F * space() : 0, mark_width = 2.2F * space();
   const LadderScale ladder{{corner.x + scale_width, corner.y},
                            {size_px.x - scale_width - mark_width, size_px.y},
-                           ladderDepth_m(scene)};
+                           ladderDepth_m(scene, now.insertion_m)};
+  const TissuesOnLine way = tissuesOnLine(scene, lineOf(now).value_or(lineToTarget(scene)), ladder.depth_m);
   const float left = ladder.corner.x, right = left + ladder.size.x, bottom = corner.y + size_px.y;
   const float line = ImGui::GetTextLineHeight();
 
   draw->PushClipRect(corner, {corner.x + size_px.x, bottom}, true);
   draw->AddRectFilled({left, corner.y}, {right, ladder.y(0)}, packed(kPanelGrey));
-  for (std::size_t i = 0; i < scene.layers.size(); ++i) {
-    const LayerView& layer = scene.layers[i];
-    if (layer.top_m >= ladder.depth_m || !(layer.bottom_m > layer.top_m)) continue;
-    const float top = ladder.y(layer.top_m),
-                end = i + 1 == scene.layers.size() ? bottom : ladder.y(layer.bottom_m);
+  const std::optional<double> at_m = ladderMark_m(now);
+  for (const TissuesOnLine::Tissue& tissue : way.tissues) {
+    const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
+    const float top = ladder.y(tissue.top_m), end = ladder.y(tissue.bottom_m);
     const Rgb colour = names ? tissueColour(layer.tissue) : kLineGrey;
-    const bool here = names && now.layer == static_cast<int>(i);
+    const bool here = names && at_m && tissue.holds(now.layer, *at_m);
     draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
     draw->AddLine({left, top}, {right, top}, packed(kBlack, 0.6F));
     if (here) draw->AddRect({left, top}, {right, end}, packed(kWhite), 0, 0, 2.5F);
     // omits names that do not fit; the highlight shows them
-    if (names && (end - top >= 0.8F * line || here))
+    if (names && !(anatomy && isTarget(scene, tissue.layer)) && (end - top >= 0.8F * line || here))
       drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour),
                fittedText(layer.name, right - left - 1.2F * space()));
   }
   if (anatomy)
-    for (const TargetView& target : scene.targets) {
-      const float y = ladder.y(0.5 * (target.top_m + target.bottom_m)),
-                  reach = std::max(3.0F, ladder.y(target.bottom_m) - y);
-      draw->AddRectFilled({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kTargetColour));
-      draw->AddRect({right - 0.9F * space(), y - reach}, {right, y + reach}, packed(kWhite));
+    for (const TissuesOnLine::Aim& aim : way.targets) {
+      const float y = ladder.y(0.5 * (aim.top_m + aim.bottom_m)),
+                  reach = std::max(3.0F, ladder.y(aim.bottom_m) - y);
+      const float edge = right - 0.9F * space();
+      draw->AddRectFilled({edge, y - reach}, {right, y + reach}, packed(kTargetColour));
+      draw->AddRect({edge, y - reach}, {right, y + reach}, packed(kWhite));
+      if (aim.name.empty()) continue;
+      const std::string name = fittedText(aim.name, edge - left - 1.2F * space());
+      const ImVec2 from{edge - 0.6F * space() - ImGui::CalcTextSize(name.c_str()).x,
+                        std::clamp(y - 0.5F * line, corner.y, bottom - line)};
+      draw->AddRectFilled({from.x - 3, from.y}, {edge, from.y + line}, packed(kBlack, 0.75F));
+      drawText(draw, from, kTargetColour, name);
     }
   if (depth) {
     const AxisTicks ticks = axisTicks(0, 1e3 * ladder.depth_m, 5, false);
@@ -103,17 +118,16 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
       drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText,
                tickText(mm, ticks.decimals));
     }
+  }
+  if (depth && at_m) {
     // the tip, even outside the tissue
-    const float y = ladder.y(std::max(now.depth_m, -kAboveSkin / (1 - kAboveSkin) * ladder.depth_m));
+    const float y = ladder.y(std::max(*at_m, -kAboveSkin / (1 - kAboveSkin) * ladder.depth_m));
     draw->AddLine({left, y}, {right, y}, packed(kWhite), 2);
     draw->AddTriangleFilled({right + 0.2F * space(), y}, {right + 1.6F * space(), y - 0.8F * space()},
                             {right + 1.6F * space(), y + 0.8F * space()}, packed(kWhite));
     // the opening, where an injection goes
-    double opening_m = depthAt(scene, openingOf(scene, now.p_WT_m, now.q_WT));
-    // in a body the depth is below the plane at the entry
-    if (scene.body && now.insertion_m > 0)
-      opening_m = now.depth_m * (1 - openingBehindTip_m(scene.needle) / now.insertion_m);
-    if (opening_m > 0 && opening_m < now.depth_m)
+    const double opening_m = *at_m - openingBehindTip_m(scene.needle);
+    if (opening_m > 0 && opening_m < *at_m)
       draw->AddCircle({right - 0.9F * space(), ladder.y(opening_m)}, 0.45F * space(), packed(kWhite), 0, 2);
   }
   draw->AddRect({left, corner.y}, {right, bottom}, packed(kLineGrey));

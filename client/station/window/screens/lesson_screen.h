@@ -85,7 +85,10 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 
 /// Returns the ladder's depth in m: a fifth beyond the deepest target; without targets, the end of the layers
 /// or the needle's length, whichever is less.
-double ladderDepth_m(const SceneView& scene);
+double ladderDepth_m(const SceneView& scene, double insertion_m = 0);
+/// Where the tip stands on the ladder: along the needle, and above the skin negative. None with the cap on:
+/// what it presses in is skin.
+std::optional<double> ladderMark_m(const Moment& now);
 
 /// Shows names with Aid LAYER, the tip with DEPTH, targets with ANATOMY. Draws nothing without these aids.
 void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px);

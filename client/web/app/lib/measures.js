@@ -26,6 +26,10 @@ export function measureText(measure, value, unit, options) {
 export const meanText = (measure, value, unit, options) =>
   isYesOrNo(measure) ? quantity(value, 'share', options) : measureText(measure, value, unit, options);
 
+/** Whether the row says 0 N of a tissue that the tip never was in, and nothing is required there (measure_table.h). */
+export const isOfTissueNotMet = (row) =>
+  /^peak_force_layer_\d+_n$/.test(row.measure) && row.value === 0 && typeof row.passed !== 'boolean';
+
 /**
  * The requirement on a measure: "at most 5 N", "20 mm to 30 mm", "yes"; '' without one.
  * @param {{measure: string, unit: string, min?: number, max?: number}} row

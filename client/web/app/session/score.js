@@ -1,6 +1,6 @@
 // A score with its explanation: requirement, verdict in words, and the experts' range.
 import { kMeasures } from '../lib/measure_rows.js';
-import { measureText, placeMarks, requirementText, rowTitle } from '../lib/measures.js';
+import { isOfTissueNotMet, measureText, placeMarks, requirementText, rowTitle } from '../lib/measures.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { layerNames } from '../lib/tissue.js';
@@ -125,7 +125,7 @@ export function Score({ session, exercise, load, person }) {
       const path =
         besideOf({ measure: kMeasures.expert_path }) ?? rows.find((r) => r.measure === kMeasures.expert_path);
       const others = rows.filter(
-        (r) => typeof r.passed !== 'boolean' && !(path && r.measure === kMeasures.expert_path),
+        (r) => typeof r.passed !== 'boolean' && !(path && r.measure === kMeasures.expert_path) && !isOfTissueNotMet(r),
       );
       const table = (caption, list) => html`<${Table}
         caption=${caption}

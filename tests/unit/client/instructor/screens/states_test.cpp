@@ -283,9 +283,10 @@ TEST_F(LiveStates, lossesAreCounted) {
   EXPECT_THAT(shown(), HasSubstr("35 frames, 0 dropped"));
   feed(800, 840);
   // both fit into one line of a 1280-pixel window
-  EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("37 frames, 5 dropped")));
+  EXPECT_THAT(shown(),
+              AllOf(HasSubstr("cannot follow: total force only"), HasSubstr("37 frames, 5 dropped")));
   lab_->live()->pause();
-  EXPECT_THAT(shown(), AllOf(HasSubstr("forces by effect: approximate"), HasSubstr("PAUSED 0.0 s behind")));
+  EXPECT_THAT(shown(), AllOf(HasSubstr("cannot follow: total force only"), HasSubstr("PAUSED 0.0 s behind")));
 }
 
 TEST_F(LiveStates, aLessonWithoutAReadableProfileIsMarked) {

@@ -12,6 +12,10 @@
 #include <utility>
 #include <vector>
 
+#include "common/haptics/body/body_engine.h"
+#include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
+#include "tests/support/scenes/stored_sample.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
 namespace needlelab {
@@ -180,27 +184,72 @@ TEST(GesturePlots, theDepthAxisContainsTheTargetAndTheTip) {
   }
 }
 
-TEST(GesturePlots, layersAreBandsAndTheTargetIsItsOwnLine) {
+TEST(GesturePlots, layersAndTheTargetAreBands) {
   const SceneView scene = flatScene();
   const GestureTrace trace;
   const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, 0, 2);
-  ASSERT_EQ(plot.bands.size(), 2u);
+  ASSERT_EQ(plot.bands.size(), 3u);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(plot.bands[i].name, scene.layers[i].name);
     EXPECT_EQ(plot.bands[i].colour, tissueColour(scene.layers[i].tissue));
     EXPECT_DOUBLE_EQ(plot.bands[i].low, 1000 * scene.layers[i].top_m);
     EXPECT_DOUBLE_EQ(plot.bands[i].high, 1000 * scene.layers[i].bottom_m);
   }
-  ASSERT_EQ(plot.series.size(), 2u);
-  EXPECT_EQ(plot.series[1].name, "target");
-  EXPECT_TRUE(plot.series[1].dashed);
+  EXPECT_TRUE(plot.bands[2].is_target);
+  EXPECT_EQ(plot.bands[2].name, "bursa");
+  EXPECT_EQ(plot.bands[2].colour, kTargetColour);
+  EXPECT_NEAR(plot.bands[2].low, 17, 1e-9);
+  EXPECT_NEAR(plot.bands[2].high, 23, 1e-9);
   EXPECT_TRUE(valueIn(plot.series[0]).empty()) << "no sample yet";
-  EXPECT_FLOAT_EQ(valueIn(plot.series[1]).last, 20) << "the target is known before the first sample";
 
   const Plot without = gesturePlot(GesturePlot::kDepth, trace, nullptr, 0, 2);
   EXPECT_TRUE(without.bands.empty());
   EXPECT_EQ(without.series.size(), 1u);
   EXPECT_FALSE(without.low || without.high) << "fitted to the data";
+}
+
+// A needle that goes straight in beside the shoulder's slanting plan and presses on the humerus, then one
+// that goes in 20 mm aside. In each tick the way along the needle and the plot's bands have the engine's own
+// layer.
+TEST(GesturePlots, inABodyTheTissuesAreThoseThatTheEngineSteppedOn) {
+  const auto profile = *loadProfile(NEEDLELAB_SAMPLES "/volumes/shoulder-median.json");
+  const SceneView scene = *sceneViewOf(profile);
+  const auto model = std::make_shared<const SceneModel>(*compile(*sceneSpecOf(profile), 1000));
+  const Vec3 in_W = -scene.focus_normal_W;
+  GestureReplica replica(model);
+  GestureTrace trace;
+  SceneEngine engine(*model);
+  StepReport report;
+  std::vector<GestureSample> inside;
+  for (std::uint64_t k = 0; k < 6000; ++k) {
+    const double way_m = 0.03 * std::sin(3.14159265 * static_cast<double>(k % 3000) / 3000);
+    const Vec3 from_W_m = scene.focus_W_m + Vec3{k < 3000 ? 0 : 0.02, 0, 0} - in_W * 0.004;
+    const TipSample tip{from_W_m + in_W * way_m, normalized(Quat{-in_W.y, in_W.x, 0, 1 + in_W.z})};
+    engine.step(tip, report);
+    const GestureSample sample = test::storedSample(k, tip, report);
+    if ((report.flags & kFlagEntry) != 0) replica.takePath({k, engine.pathInUse()});
+    const Moment& now = replica.feed(sample);
+    trace.push(now);
+    if (report.layer < 0) continue;
+    inside.push_back(sample);
+    const TissuesOnLine way = tissuesOnLine(scene, *lineOf(now), scene.needle.length_m);
+    ASSERT_TRUE(std::ranges::any_of(way.tissues, [&](const TissuesOnLine::Tissue& tissue) {
+      return tissue.holds(report.layer, report.insertion_m);
+    })) << k;
+  }
+  const Plot plot = gesturePlot(GesturePlot::kDepth, trace, &scene, 0, 6);
+  for (const GestureSample& sample : inside) {
+    const double t = static_cast<double>(sample.tick) / 1000,
+                 mm = 1e3 * static_cast<double>(trace.value(TraceChannel::kDepth, t).value_or(-1));
+    ASSERT_TRUE(std::ranges::any_of(plot.bands, [&](const PlotBand& band) {
+      const LayerView& layer = scene.layers[static_cast<std::size_t>(sample.layer)];
+      return !band.is_target && band.colour == tissueColour(layer.tissue) && t >= band.from && t <= band.to &&
+             mm > band.low - 1 && mm < band.high + 1;
+    })) << sample.tick;
+  }
+  EXPECT_TRUE(std::ranges::any_of(plot.bands, [](const PlotBand& band) {
+    return band.is_target && band.name == "subacromial bursa" && band.high > band.low;
+  }));
 }
 
 TEST(GesturePlots, eachEventIsAMarkWithASignAndWords) {

@@ -80,12 +80,21 @@ TEST_F(LiveStationTest, gapsAreCountedAndFlagged) {
   feed(800, 840);  // five frames were lost, in tissue
   EXPECT_EQ(live_.stats().dropped(), 5u);
   EXPECT_TRUE(live_.approximate());
+  // only the force that was rendered is shown, until the view can follow again
+  const auto shown = [&](TraceChannel channel) { return live_.trace().value(channel, 0.830); };
+  EXPECT_NEAR(shown(TraceChannel::kForce).value_or(0), forceOf(momentOfSample(samples_[830], 1000)), 1e-6);
+  EXPECT_GT(shown(TraceChannel::kForce).value_or(0), 0.1F);
+  for (const EffectEntry* effect : effectsAsShown()) {
+    if (effect->unit == "N") EXPECT_FALSE(shown(channelOf(effect->effect))) << effect->name;
+    EXPECT_EQ(live_.shown().term(effect->effect), 0) << "no arrow of " << effect->name;
+  }
   std::vector<std::string> gaps;
   for (const TraceEvent& event : live_.trace().events())
     if (event.kind == TraceEvent::Kind::kGap) gaps.push_back(wordsOf(event));
   EXPECT_EQ(gaps, std::vector<std::string>{"100 samples missing (100 ms)"});
   feed(840, samples_.size() / 20 * 20);  // out again
   EXPECT_FALSE(live_.approximate());
+  EXPECT_TRUE(live_.trace().value(channelOf(Effect::kCutting), live_.trace().lastTime_s()));
 }
 
 TEST_F(LiveStationTest, whoComesLateKnowsTheOldCutsFromTheStationsMemory) {

@@ -59,6 +59,12 @@ TEST(Report, aLayersMeasureHasTheLayersName) {
   bursa.words = "Peak force in layer 4 (BURSA) 2 N";  // as stored
   data.measures.push_back(bursa);
   EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa</td>"));
+  data.measures.back().value = 0;  // the tip never was there
+  EXPECT_THAT(reportHtml(data), Not(HasSubstr("Peak force in bursa")));
+  data.measures.back().passed = true;
+  EXPECT_THAT(reportHtml(data), HasSubstr(">Peak force in bursa</td>")) << "where it is required";
+  data.measures.back().passed.reset();
+  data.measures.back().value = 2;
   auto profile = nlohmann::json::parse(test::sampleProfile("shoulder-adult"));
   const std::string name = "bursa <left>";
   profile["layers"][3]["name"] = profile["targets"][0]["anchor"]["layer"] = name;

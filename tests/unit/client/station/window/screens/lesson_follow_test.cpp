@@ -10,8 +10,11 @@
 #include "client/station/window/screens/end_screen.h"
 #include "client/station/window/screens/lesson_follow.h"
 #include "client/station/window/screens/lesson_screen.h"
+#include "common/haptics/body/body_engine.h"
+#include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 #include "tests/support/scenes/stored_sample.h"
 
 namespace needlelab {
@@ -180,36 +183,70 @@ TEST(CellColumns, giveEachCellItsWidthAndShareTheRest) {
   EXPECT_EQ(cellColumns({}, 10, 109), Widths{109});
 }
 
-TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
-  const auto follow = LessonFollow::make(shoulder());
-  const SceneView& scene = *(*follow)->scene();
-  const DepthPlotRange shallow = depthPlotRange({{0, 0.004F, 0.004F, 2, 0, 0}}, scene);
-  EXPECT_GT(shallow.to_m, 0.029) << "the target, where no one came near it";
-  EXPECT_NEAR(shallow.force_N, 2.2, 1e-6);
-  const DepthPlotRange deep = depthPlotRange({{0, 0.05F, 0.05F, 2, 0, 0}}, scene);
-  EXPECT_NEAR(deep.to_m, 0.054, 1e-6);
-  EXPECT_LT(deep.from_m, 0);
-  EXPECT_GT(depthPlotRange({}, scene).force_N, 0);
+// 32.3 mm of needle are 26 mm below the skin.
+TEST(LayerLadder, runsAlongTheNeedleAndHasNoDepthWithTheCapOn) {
+  Moment now;
+  now.depth_m = -0.004;
+  EXPECT_EQ(ladderMark_m(now), -0.004);
+  now.depth_m = 0.026;
+  now.insertion_m = 0.0323;
+  now.inside = true;
+  EXPECT_EQ(ladderMark_m(now), 0.0323);
+  now.inside = false;
+  now.flags = kFlagCapped;
+  EXPECT_FALSE(ladderMark_m(now));
 }
 
-// The shoulder's planned way goes in at some 36 degrees from the normal, along which its layers are given.
-TEST(DepthPlot, inABodyTheNeedleIsShownAlongTheLayersAndTheCapNotAtAll) {
+TEST(DepthPlot, holdsTheWholeGestureAndTheTarget) {
+  const auto follow = LessonFollow::make(shoulder());
+  const TissuesOnLine way = wayOf({}, *(*follow)->scene());
+  const DepthPlotRange shallow = depthPlotRange({{0, 0.004F, 2, 0}}, way);
+  EXPECT_GT(shallow.to_m, 0.029) << "the target, where no one came near it";
+  EXPECT_NEAR(shallow.force_N, 2.2, 1e-6);
+  constexpr float kCapped = std::numeric_limits<float>::quiet_NaN();
+  const DepthPlotRange deep = depthPlotRange({{0, 0.05F, 2, 0}, {0, kCapped, 9, 0}}, way);
+  EXPECT_NEAR(deep.to_m, 0.054, 1e-6);
+  EXPECT_NEAR(deep.force_N, 2.2, 1e-6);
+  EXPECT_LT(deep.from_m, 0);
+  EXPECT_GT(depthPlotRange({}, way).force_N, 0);
+}
+
+// The needle goes straight in; the shoulder's plan goes in at some 36 degrees from the normal.
+TEST(DepthPlot, inABodyHasTheTissuesOfTheDeepestInsertion) {
   const auto profile = loadProfile(NEEDLELAB_SAMPLES "/volumes/shoulder-median.json");
   ASSERT_TRUE(profile.ok()) << profile.error().message;
   const auto scene = sceneViewOf(*profile, {});
-  ASSERT_TRUE(scene.ok()) << scene.error().message;
-  const double slant = -dot(scene->way_W, scene->focus_normal_W);
-  ASSERT_LT(slant, 0.9) << "else this test shows nothing";
-  constexpr float kCapped = std::numeric_limits<float>::quiet_NaN();
-  const DepthPlotRange range = depthPlotRange({{0, 0.1F, 0.1F, 2, 0, 0}, {0, kCapped, 0, 9, 0, 0}}, *scene);
-  EXPECT_NEAR(range.to_m, 1.08 * 0.1 * slant, 1e-6);
-  EXPECT_NEAR(range.force_N, 2.2, 1e-6);
+  const auto model = compile(*sceneSpecOf(*profile), 1000);
+  ASSERT_TRUE(scene.ok() && model.ok());
+  SceneEngine engine(*model);
+  StepReport report;
+  std::vector<GestureSample> samples;
+  Bytes paths;
+  for (std::uint64_t k = 0; k < 3000; ++k) {
+    const double way_m = 0.03 * std::sin(3.14159265 * static_cast<double>(k) / 3000);
+    const TipSample tip{{0, 0, 0.004 - way_m}, {1, 0, 0, 0}};
+    engine.step(tip, report);
+    samples.push_back(test::storedSample(k, tip, report));
+    if (report.layer >= 0 && (report.flags & (kFlagEntry | kFlagNewPath)) != 0)
+      ASSERT_TRUE(appendPath({k, engine.pathInUse()}, paths));
+  }
+  DeepestLine deepest;
+  deepest.take(samples, paths);
+  LessonOutcome outcome;
+  outcome.curve = gestureCurve(samples, model->limb);
+  outcome.deepest = deepest.line();
+  ASSERT_TRUE(outcome.deepest && outcome.deepest->path);
+  const auto offWay = [&](const TissuesOnLine& way) {
+    return std::ranges::count_if(outcome.curve, [&](const CurvePoint& p) { return isOffWay(p, way); });
+  };
+  EXPECT_EQ(offWay(wayOf(outcome, *scene)), 0);
+  EXPECT_GT(offWay(wayOf({}, *scene)), 20) << "the planned way has others";
+  outcome.deepest->path = nullptr;
+  EXPECT_EQ(offWay(wayOf(outcome, *scene)), 0) << "a recording without its paths: from the body";
 }
 
 TEST(DepthPlot, noiseDoesNotFillIt) {
-  SceneView scene = *(*LessonFollow::make(shoulder()))->scene();
-  scene.targets.clear();
-  const DepthPlotRange range = depthPlotRange({{0, 3e-5F, 3e-5F, 0.01F, 0, 0}}, scene);
+  const DepthPlotRange range = depthPlotRange({{0, 3e-5F, 0.01F, 0}}, {});
   EXPECT_EQ(range.force_N, leastSpanOf(PlotQuantity::kForce));
   EXPECT_NEAR(range.to_m, 1e-3 * leastSpanOf(PlotQuantity::kDepth), 1e-12);
 }
