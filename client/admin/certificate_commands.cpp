@@ -1,6 +1,9 @@
 // The server's certificate and the authority that signs it. Works on DIR/tls, with the server running or
 // stopped.
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
@@ -61,7 +64,16 @@ TlsFiles filesToWrite(const std::filesystem::path& folder, Output& output) {
 
 Status renew(const std::filesystem::path& folder, Output& output, const std::vector<std::string>& hosts) {
   const TlsFiles files = filesToWrite(folder, output);
-  RETURN_IF_ERROR(renewServerCertificate(files, hosts));
+  ASSIGN_OR_RETURN(const bool renewed, renewOrPrepare(files, hosts));
+  if (!renewed) {
+    const std::string names = fmt::format("{}", fmt::join(hosts, ","));
+    output.done("the lab's authority may not sign " + names + ", so another one is prepared that may; " +
+                files.ca_certificate.string() +
+                " has both. Bring this file to every station, instructor and browser, then give the server "
+                "its new name by `certificate authority switch --host-name " +
+                names + "`; until then it keeps its certificate");
+    return {};
+  }
   ASSIGN_OR_RETURN(const auto facts, readCertificate(files.certificate));
   std::string names;
   for (const std::string& host : facts.hosts) names += (names.empty() ? "" : ", ") + host;
@@ -82,8 +94,9 @@ Status prepareNext(const std::filesystem::path& folder, Output& output,
   return {};
 }
 
-Status switchToNext(const std::filesystem::path& folder, Output& output) {
-  RETURN_IF_ERROR(switchAuthority(filesToWrite(folder, output)));
+Status switchToNext(const std::filesystem::path& folder, Output& output,
+                    const std::vector<std::string>& hosts) {
+  RETURN_IF_ERROR(switchAuthority(filesToWrite(folder, output), hosts));
   output.done(
       "the new authority signs the server's certificate; a server that runs takes it within a minute. "
       "Clients that have only the old ca.crt can no longer connect. `certificate authority drop` takes the "
@@ -124,9 +137,12 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
   auto* renew_command = certificate->add_subcommand(
       "renew",
       "make a new server certificate from the same authority, for the old names and these; needs tls/ca.key");
-  renew_command->add_option("--host-name", *hosts, "another name or address; may be repeated, or A,B")
-      ->delimiter(',')
-      ->type_name("HOST");
+  const auto addHosts = [&hosts](CLI::App* to) {
+    to->add_option("--host-name", *hosts, "another name or address; may be repeated, or A,B")
+        ->delimiter(',')
+        ->type_name("HOST");
+  };
+  addHosts(renew_command);
   renew_command->callback([&chosen, hosts] {
     chosen.run_on_files = [hosts](const std::filesystem::path& folder, Output& output) {
       return renew(folder, output, *hosts);
@@ -160,8 +176,13 @@ void addCertificateCommands(CLI::App& app, ChosenCommand& chosen) {
       return prepareNext(folder, output, *domains);
     };
   });
-  authority->add_subcommand("switch", "sign the server's certificate with the new authority")
-      ->callback([&chosen] { chosen.run_on_files = switchToNext; });
+  auto* to_next = authority->add_subcommand("switch", "sign the server's certificate with the new authority");
+  addHosts(to_next);
+  to_next->callback([&chosen, hosts] {
+    chosen.run_on_files = [hosts](const std::filesystem::path& folder, Output& output) {
+      return switchToNext(folder, output, *hosts);
+    };
+  });
   authority->add_subcommand("drop", "remove the old authority from ca.crt")->callback([&chosen] {
     chosen.run_on_files = dropOld;
   });

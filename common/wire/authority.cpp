@@ -6,11 +6,13 @@
 #include <cstdint>
 #include <ctime>
 #include <filesystem>
+#include <iterator>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
-#include <fmt/core.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "common/base/files/files.h"
 #include "common/base/text/text.h"
@@ -68,14 +70,29 @@ Status checkDomain(const std::string& domain) {
   return {};
 }
 
-std::string maskOf(const std::string& address) {
-  return address.find(':') == std::string::npos ? "/255.255.255.255"
-                                                : "/ffff:ffff:ffff:ffff:ffff:ffff:ffff:ffff";
-}
-
 x509::NameConstraints constraintsOf(X509* authority) {
   return x509::NameConstraints(
       static_cast<NAME_CONSTRAINTS*>(X509_get_ext_d2i(authority, NID_name_constraints, nullptr, nullptr)));
+}
+
+/// Each name once: "localhost" is in every authority, and often a host of its server.
+std::vector<std::string> permittedDomains(X509* authority) {
+  std::vector<std::string> names;
+  const auto constraints = constraintsOf(authority);
+  if (!constraints) return names;
+  for (int i = 0; i < sk_GENERAL_SUBTREE_num(constraints->permittedSubtrees); ++i) {
+    const GENERAL_NAME* const base = sk_GENERAL_SUBTREE_value(constraints->permittedSubtrees, i)->base;
+    if (base->type != GEN_DNS) continue;
+    std::string name(reinterpret_cast<const char*>(ASN1_STRING_get0_data(base->d.dNSName)),
+                     static_cast<std::size_t>(ASN1_STRING_length(base->d.dNSName)));
+    if (std::ranges::find(names, name) == names.end()) names.push_back(std::move(name));
+  }
+  return names;
+}
+
+std::string maskOf(const std::string& address) {
+  return address.find(':') == std::string::npos ? "/255.255.255.255"
+                                                : "/ffff:ffff:ffff:ffff:ffff:ffff:ffff:ffff";
 }
 
 }  // namespace
@@ -164,28 +181,18 @@ Status checkSigns(X509* authority, const std::vector<std::string>& hosts) {
     if (maySign(authority, host)) continue;
     return Error{
         ErrorCode::kInvalidInput,
-        fmt::format("the authority may not sign '{}', only {} and names below; make another authority: "
-                    "needlelab-admin --data DIR certificate authority prepare --domain DOMAIN",
+        fmt::format("the authority may not sign '{0}', only {1} and names below; make another authority: "
+                    "needlelab-admin --data DIR certificate renew --host-name {0}, or for a whole domain "
+                    "certificate authority prepare --domain DOMAIN",
                     host, permittedText(authority))};
   }
   return {};
 }
 
 std::string permittedText(X509* authority) {
-  const auto constraints = constraintsOf(authority);
-  if (!constraints) return {};
-  std::string names, addresses;
-  for (int i = 0; i < sk_GENERAL_SUBTREE_num(constraints->permittedSubtrees); ++i) {
-    const GENERAL_NAME* const base = sk_GENERAL_SUBTREE_value(constraints->permittedSubtrees, i)->base;
-    if (base->type == GEN_DNS) {
-      names += names.empty() ? "" : ", ";
-      names.append(reinterpret_cast<const char*>(ASN1_STRING_get0_data(base->d.dNSName)),
-                   static_cast<std::size_t>(ASN1_STRING_length(base->d.dNSName)));
-    } else if (base->type == GEN_IPADD) {
-      addresses = ", private addresses and those that it was made for";
-    }
-  }
-  return names + addresses;
+  const auto names = permittedDomains(authority);
+  if (names.empty()) return {};
+  return fmt::format("{}, private addresses and those that it was made for", fmt::join(names, ", "));
 }
 
 Status signServer(const TlsFiles& files, const Authority& authority, const std::vector<std::string>& hosts) {
@@ -243,7 +250,8 @@ Status addTo(const std::filesystem::path& file, const std::vector<x509::Certific
 
 }  // namespace
 
-Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains) {
+Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains,
+                        const std::vector<std::string>& more) {
   const TlsFolderUse use(files);
   ASSIGN_OR_RETURN(const auto old, x509::loadCertificates(files.ca_certificate));
   if (isThere(files.next_ca_certificate)) {
@@ -256,7 +264,9 @@ Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& d
                      " to every station and browser, then `certificate authority switch`"};
   }
   ASSIGN_OR_RETURN(const auto server, x509::loadCertificate(files.certificate));
-  const auto hosts = x509::hostsOf(server.get());
+  auto hosts = x509::hostsOf(server.get());
+  hosts.insert(hosts.end(), more.begin(), more.end());
+  if (!more.empty()) std::ranges::copy(permittedDomains(old.front().get()), std::back_inserter(hosts));
   // a name without a dot is the machine's own and belongs to no domain
   ASSIGN_OR_RETURN(auto permitted, permittedNames(domains, hosts));
   for (const std::string& host : hosts)
@@ -272,7 +282,7 @@ Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& d
   return addTo(files.ca_certificate, old, made.certificate.get());
 }
 
-Status switchAuthority(const TlsFiles& files) {
+Status switchAuthority(const TlsFiles& files, const std::vector<std::string>& more) {
   const TlsFolderUse use(files);
   if (!isThere(files.next_ca_certificate))
     return Error{ErrorCode::kInvalidInput,
@@ -296,7 +306,10 @@ Status switchAuthority(const TlsFiles& files) {
     ASSIGN_OR_RETURN(const auto server, x509::loadCertificate(files.certificate));
     x509::Certificate copy(X509_dup(next.get()));
     if (!copy) return opensslError("copying a certificate");
-    RETURN_IF_ERROR(signServer(files, {std::move(copy), std::move(key)}, x509::hostsOf(server.get())));
+    auto hosts = x509::hostsOf(server.get());
+    for (const std::string& host : more)
+      if (std::ranges::find(hosts, host) == hosts.end()) hosts.push_back(host);
+    RETURN_IF_ERROR(signServer(files, {std::move(copy), std::move(key)}, hosts));
     std::error_code error;
     std::filesystem::rename(files.next_ca_key, files.ca_key, error);
     if (error)

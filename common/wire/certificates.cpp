@@ -247,6 +247,14 @@ Status renewServerCertificate(const TlsFiles& files, const std::vector<std::stri
   return signServer(files, authority, all);
 }
 
+Result<bool> renewOrPrepare(const TlsFiles& files, const std::vector<std::string>& hosts) {
+  ASSIGN_OR_RETURN(const auto known, x509::loadCertificates(files.ca_certificate));
+  const bool may = checkSigns(known.front().get(), hosts).ok();
+  if (!may) RETURN_IF_ERROR(checkHosts(hosts));
+  RETURN_IF_ERROR(may ? renewServerCertificate(files, hosts) : prepareAuthority(files, {}, hosts));
+  return may;
+}
+
 namespace {
 
 Result<CertificateFacts> factsOf(X509* certificate) {

@@ -40,20 +40,25 @@ std::string clockFault(const TlsFiles& files);
 /// Creates a new certificate and key for the server, signed by the same CA, for `hosts` and all names of the
 /// old certificate. The CA's key must exist. Errors: as ensureTlsFiles; kFailed while the CA is not valid.
 Status renewServerCertificate(const TlsFiles& files, const std::vector<std::string>& hosts);
+/// The same; if the CA may not sign `hosts`, prepares another that may (prepareAuthority), which
+/// switchAuthority then uses. Returns whether the server has the new certificate now.
+Result<bool> renewOrPrepare(const TlsFiles& files, const std::vector<std::string>& hosts);
 
 // A new authority in three steps, without interruption: prepare (then bring ca.crt to all peers), switch,
 // drop. The server may be running; it applies each change within a minute (server/server.h).
 
 /// Makes ca-next.crt and ca-next.key, and adds the new authority to ca.crt, so that a peer with this ca.crt
-/// trusts both; also permits the server's names without a dot. `domains` as in CertificateNames. Can be
-/// repeated after an interruption. Errors: kInvalidInput (an invalid domain, a server name outside all
-/// domains, or an authority is already prepared), kFailed.
-Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains);
-/// Signs the server's certificate with the new authority, and makes its key ca.key. ca.crt keeps both. Can be
-/// repeated after an interruption. Peers with a ca.crt from before prepareAuthority can no longer connect.
-/// Errors: kInvalidInput (no authority is prepared, or ca.crt lacks it), kFailed (also while it is not
-/// valid).
-Status switchAuthority(const TlsFiles& files);
+/// trusts both; also permits the server's names without a dot. `domains` as in CertificateNames; `more`:
+/// further names, permitted besides what the old one may sign. Can be repeated after an interruption. Errors:
+/// kInvalidInput (an invalid domain, a server name outside all domains, or an authority is already prepared),
+/// kFailed.
+Status prepareAuthority(const TlsFiles& files, const std::vector<std::string>& domains,
+                        const std::vector<std::string>& more = {});
+/// Signs the server's certificate with the new authority, for its names and `more`, and makes its key ca.key.
+/// ca.crt keeps both. Can be repeated after an interruption. Peers with a ca.crt from before prepareAuthority
+/// can no longer connect. Errors: kInvalidInput (no authority is prepared, or ca.crt lacks it), kFailed (also
+/// while it is not valid).
+Status switchAuthority(const TlsFiles& files, const std::vector<std::string>& more = {});
 /// Removes from ca.crt all authorities except the one that signed the server's certificate.
 Status dropOldAuthorities(const TlsFiles& files);
 /// Writes ca.key to the new file `to` (0600), reads it back, and removes ca.key.

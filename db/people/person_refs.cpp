@@ -20,6 +20,8 @@ using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
+constexpr std::size_t kMaxFullNameBytes = 200;  // PeopleStore
+
 bool isDigit(char c) {
   return c >= '0' && c <= '9';
 }
@@ -192,17 +194,19 @@ Result<std::map<std::string, std::string>> outerRefs(Connection& connection,
 }
 
 Result<std::map<std::string, std::string>> namesOfRefs(Connection& connection,
-                                                       std::span<const std::string> refs) {
+                                                       std::span<const std::string> refs,
+                                                       std::map<std::string, std::string>* full_names) {
   std::map<std::string, std::string> names;
   if (refs.empty()) return names;
   Statement rows = connection.prepare(
-      "SELECT p.ref, n.name FROM people p LEFT JOIN names n ON n.person = p.id WHERE p.ref" +
+      "SELECT p.ref, n.name, n.full_name FROM people p LEFT JOIN names n ON n.person = p.id WHERE p.ref" +
       amongTexts(connection, 1));
   bindTexts(connection, rows, refs);
   for (;;) {
     ASSIGN_OR_RETURN(const bool more, rows.step());
     if (!more) return names;
     names.emplace(rows.text(0), rows.isNull(1) ? erasedName(rows.text(0)) : rows.text(1));
+    if (full_names != nullptr && !rows.isNull(2)) full_names->emplace(rows.text(0), rows.text(2));
   }
 }
 
@@ -234,7 +238,7 @@ std::string withNames(std::string_view text, const std::map<std::string, std::st
 
 Status toRefs(Connection& connection, Message& message, std::map<std::string, std::string>& names) {
   return visitAll(message, [&](std::string& text, pb::PersonField who) -> Status {
-    if (who == pb::TEXT_ABOUT_PERSONS) return {};
+    if (who == pb::TEXT_ABOUT_PERSONS || who == pb::FULL_NAME) return {};
     ASSIGN_OR_RETURN(
         const auto ref,
         findPerson(connection, text, who == pb::PERSON_OR_TYPED ? Named::kAccountOrTyped : Named::kAccount));
@@ -249,12 +253,12 @@ std::size_t roomForNames(const Message& message) {
   const Fields* const fields = fieldTable().of(message.GetDescriptor());
   if (fields == nullptr) return 0;
   const auto* const reflection = message.GetReflection();
-  std::size_t refs = 0;
+  std::size_t refs = 0, full_names = 0;
   const auto count = [&](const std::string& text, pb::PersonField who) {
     if (who == pb::TEXT_ABOUT_PERSONS)
       refs += static_cast<std::size_t>(std::count(text.begin(), text.end(), '@'));
     else if (isPersonRef(text))
-      ++refs;
+      ++(who == pb::FULL_NAME ? full_names : refs);
   };
   std::string scratch;
   for (const auto& [field, who] : fields->own)
@@ -262,7 +266,7 @@ std::size_t roomForNames(const Message& message) {
       count(field->is_repeated() ? reflection->GetRepeatedStringReference(message, field, i, &scratch)
                                  : reflection->GetStringReference(message, field, &scratch),
             who);
-  std::size_t bytes = refs * kMaxNameBytes;
+  std::size_t bytes = refs * kMaxNameBytes + full_names * kMaxFullNameBytes;
   for (const FieldDescriptor* const field : fields->inner) {
     if (!field->is_repeated()) {
       if (reflection->HasField(message, field)) bytes += roomForNames(reflection->GetMessage(message, field));
@@ -283,11 +287,14 @@ Status toNames(Connection& connection, Message& message) {
       refs.insert(text);
     return {};
   }));
-  if (refs.empty()) return {};
   const std::vector<std::string> list(refs.begin(), refs.end());
-  ASSIGN_OR_RETURN(const auto names, namesOfRefs(connection, list));
+  std::map<std::string, std::string> full_names;
+  ASSIGN_OR_RETURN(const auto names, namesOfRefs(connection, list, &full_names));
   return visitAll(message, [&](std::string& text, pb::PersonField who) -> Status {
-    if (who == pb::TEXT_ABOUT_PERSONS) {
+    if (who == pb::FULL_NAME) {
+      const auto full = full_names.find(text);
+      text = full == full_names.end() ? std::string() : full->second;
+    } else if (who == pb::TEXT_ABOUT_PERSONS) {
       text = withNames(text, names);
     } else if (const auto name = names.find(text); name != names.end()) {
       text = name->second;

@@ -46,9 +46,10 @@ Result<std::map<std::string, std::string>> outerRefs(Connection& connection,
                                                      std::span<const std::string> refs);
 
 /// The names of refs, by ref; erasedName() for erased people. Unknown refs are omitted. Needs only a few
-/// statements in total.
-Result<std::map<std::string, std::string>> namesOfRefs(Connection& connection,
-                                                       std::span<const std::string> refs);
+/// statements in total. `full_names` receives those that are known, by ref.
+Result<std::map<std::string, std::string>> namesOfRefs(
+    Connection& connection, std::span<const std::string> refs,
+    std::map<std::string, std::string>* full_names = nullptr);
 /// The name of one ref; any other text, or an unknown ref, is returned unchanged.
 Result<std::string> shownName(Connection& connection, std::string_view ref);
 

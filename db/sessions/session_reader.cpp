@@ -49,6 +49,7 @@ Result<pb::SessionInfo> infoOf(const Statement& row, bool with_profile) {
     return Error{ErrorCode::kCorrupt, "the stored description of a session cannot be read"};
   }
   info.mutable_description()->set_trainee(row.text(28));
+  info.mutable_description()->set_trainee_full_name(row.text(28));
   info.mutable_description()->set_started_unix_ns(row.integer(29));  // a manager may have corrected it
   info.set_state(static_cast<pb::SessionState>(row.integer(1)));
   info.set_received_unix_ns(row.integer(2));

@@ -29,6 +29,7 @@ pb::Assignment assignmentOf(const Statement& row) {
   found.set_exercise_id(row.text(2));
   found.set_group_id(row.text(3));
   found.set_trainee(row.text(4));
+  found.set_trainee_full_name(row.text(4));
   found.set_due_unix_ns(row.integer(5));
   found.set_by(row.text(6));
   found.set_created_unix_ns(row.integer(7));

@@ -79,6 +79,7 @@ pb::Attempt attemptOf(const Statement& row, bool with_score) {
   pb::Attempt attempt;
   attempt.set_session_id(row.text(0));
   attempt.set_trainee(row.text(1));
+  attempt.set_trainee_full_name(row.text(1));
   attempt.set_exercise_id(row.text(2));
   attempt.set_number(row.natural32(3));
   attempt.set_started_unix_ns(row.integer(4));

@@ -1,5 +1,7 @@
 #include "server/base/http_message.h"
 
+#include "common/base/text/plain_words.h"
+
 namespace needlelab {
 namespace {
 
@@ -18,7 +20,7 @@ HttpAnswer jsonAnswer(const WebJson& json, unsigned status) {
 
 HttpAnswer errorAnswer(unsigned status, std::string_view code, const std::string& message,
                        const std::string& field) {
-  WebJson error = {{"code", code}, {"message", message}};
+  WebJson error = {{"code", code}, {"message", plainWords(message)}};
   if (!field.empty()) error["field"] = field;
   return jsonAnswer({{"error", error}}, status);
 }
@@ -32,8 +34,9 @@ HttpAnswer errorAnswer(const Error& error) {
     case ErrorCode::kAlreadyExists:
       return errorAnswer(409, "already_exists", error.message);
     case ErrorCode::kConflict: {
-      WebJson fault = {
-          {"code", "conflict"}, {"message", error.message}, {"current_revision", error.current_revision}};
+      WebJson fault = {{"code", "conflict"},
+                       {"message", plainWords(error.message)},
+                       {"current_revision", error.current_revision}};
       return jsonAnswer({{"error", std::move(fault)}}, 409);
     }
     case ErrorCode::kDenied:

@@ -7,7 +7,7 @@
 #include "common/base/text/uuid.h"
 #include "common/base/time/clock.h"
 #include "common/haptics/gate/force_gate.h"
-#include "common/haptics/sim_state.h"
+#include "common/haptics/phase_words.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "db/login/credentials.h"
@@ -141,8 +141,9 @@ std::string LiveBoard::make() {
                      {"online", station.online()},
                      {"session_id", boardSessionText(status.session_id())},
                      {"trainee", idle ? std::string() : status.trainee()},
+                     {"trainee_full_name", idle ? std::string() : status.trainee_full_name()},
                      {"exercise", idle ? std::string() : status.exercise_id()},
-                     {"phase", phaseName(static_cast<Phase>(idle ? 0 : std::min(status.phase(), 255u)))},
+                     {"phase", phaseWord(idle ? 0u : status.phase())},
                      {"depth_m", idle ? 0 : status.insertion_m()},
                      {"layer", layer},
                      {"force_n", idle ? 0 : status.force_n()},

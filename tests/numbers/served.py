@@ -202,7 +202,7 @@ def ladder(held, facts, lab, name, now_ns):
         held.same(screen, "step: its place in the course, from 1", f"{name} {ident}", None if alone else exercise["position"] + 1, row["step"])
 
 
-PHASES = {0: "FREE", 1: "INSERTING", 2: "STOPPED", 3: "WITHDRAWING"}
+PHASES = {0: "outside", 1: "going in", 2: "at rest", 3: "coming out"}
 
 
 def update(held, screen, where, g, i, u):
@@ -230,7 +230,7 @@ def replay(held, facts, lab, s, g):
     text = [line for line in lab.instructor(*arguments).stdout.splitlines() if "insertion" in line]
     held.same(screen, "lines", s["uuid"], len(updates), len(text))
     for i, line in zip(which, text):
-        found = re.match(r" *([\d.]+) s .* (FREE|INSERTING|STOPPED|WITHDRAWING) +(\S.*?) +insertion +([-\d.]+) mm +\|F\| +([\d.]+) N  plunger +(\d+) %", line)
+        found = re.match(r" *([\d.]+) s .* (outside|going in|at rest|coming out) +(\S.*?) +insertion +([-\d.]+) mm +\|F\| +([\d.]+) N  plunger +(\d+) %", line)
         where = f"{s['uuid']} {line.strip()[:12]}"
         held.same(screen, "a line's form", where, True, found is not None)
         if not found:

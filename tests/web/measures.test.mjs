@@ -111,12 +111,20 @@ test('the measures to choose from have no identifier beside their names', () => 
 
 test('a range is in the unit of the field that it stands under', () => {
   const cases = [
-    ['thickness_m', '-0.003 is out of range (0, 1]', '-3 is out of range (0, 1000] mm'],
-    ['center_m.x', '1001 is out of range [-1000, 1000]', '1001000 is out of range [-1000000, 1000000] mm'],
-    ['bevel_angle_rad', '2 is out of range (0, 1.5707963267948966]', '114.591559026 is out of range (0, 90] °'],
-    ['young_pa', '1e+07 is out of range [100, 1e+06]', '10000 is out of range [0.1, 1000] kPa'],
-    ['cutting_force_n', '75 is out of range [0, 50]', '75 is out of range [0, 50] N'],
-    ['gauge', '40 is out of range [7, 34]', '40 is out of range [7, 34]'],
+    ['thickness_m', '-0.003 is out of range (0, 1]', '-3 mm is out of range: allowed is more than 0, at most 1000 mm'],
+    [
+      'center_m.x',
+      '1001 is out of range [-1000, 1000]',
+      '1001000 mm is out of range: allowed is -1000000 to 1000000 mm',
+    ],
+    [
+      'bevel_angle_rad',
+      '2 is out of range (0, 1.5707963267948966]',
+      '114.592 ° is out of range: allowed is more than 0, at most 90 °',
+    ],
+    ['young_pa', '1e+07 is out of range [100, 1e+06]', '10000 kPa is out of range: allowed is 0.1 to 1000 kPa'],
+    ['cutting_force_n', '75 is out of range [0, 50]', '75 N is out of range: allowed is 0 to 50 N'],
+    ['gauge', '40 is out of range [7, 34]', '40 is out of range: allowed is 7 to 34'],
     ['thickness_m', 'must be a number, found the text "a"', 'must be a number, found the text "a"'],
     ['radius_m', 'is above the 0.01 of its layer', 'is above the 0.01 of its layer (in m, not mm)'],
   ];
@@ -134,6 +142,7 @@ test('a tile never says that no one practises', () => {
   assert.equal(isPractising(lesson), true);
   assert.equal(traineeWords(lesson), 'Name not known yet');
   assert.equal(traineeWords({ ...lesson, trainee: 'anna' }), 'anna');
+  assert.equal(traineeWords({ ...lesson, trainee: 'anna', trainee_full_name: 'Anna Bauer' }), 'Anna Bauer');
   assert.deepEqual(tileState({ ...lesson, online: false }), ['open', 'offline']);
   assert.equal(isPractising({ ...lesson, online: false }), false);
   assert.deepEqual(tileState({ ...lesson, fault: 'too fast' }), ['bad', 'fault']);

@@ -9,12 +9,14 @@
 
 #include <fmt/core.h>
 
+#include "client/instructor/model/live/session_scene.h"
 #include "client/view/action_bar.h"
 #include "client/view/input_queue.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
 #include "common/haptics/gate/force_gate.h"
+#include "common/haptics/phase_words.h"
 
 namespace needlelab {
 namespace {
@@ -128,7 +130,7 @@ void LiveScreen::showHead(LabState& lab) {
   const auto& d = live.info().description();
   {
     WithFont font(Letters::kHeading);
-    const std::string who = d.trainee().empty() ? live.status().trainee() : d.trainee();
+    const std::string who = d.trainee().empty() ? traineeName(live.status()) : traineeName(d);
     ImGui::TextUnformatted(printable(live.station() + (who.empty() ? "" : " · " + who)).c_str());
   }
   ImGui::SameLine(0, 2 * space());

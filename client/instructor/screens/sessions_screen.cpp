@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "client/instructor/model/live/session_scene.h"
 #include "client/view/action_bar.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
@@ -113,7 +114,7 @@ void SessionsScreen::showTable(LabState& lab) {
         textLine(printable(text));
       };
       cell(localTime(d.started_unix_ns(), TimeForm::kMinute));
-      cell(d.trainee());
+      cell(traineeName(d));
       cell(lab.exerciseName(d.exercise_id()));
       cell(d.station());
       ImGui::TableNextColumn();

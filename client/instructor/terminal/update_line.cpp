@@ -8,17 +8,12 @@
 #include "client/instructor/model/live/session_scene.h"
 #include "common/base/text/text.h"
 #include "common/haptics/gate/force_gate.h"
-#include "common/haptics/sim_state.h"
+#include "common/haptics/phase_words.h"
 
 namespace needlelab {
 namespace {
 
 constexpr std::size_t kMaxTrouble = 1000;  // limit in bytes for a line from the network
-
-std::string phaseText(std::uint32_t phase) {
-  return phase <= static_cast<std::uint32_t>(Phase::kWithdrawing) ? phaseName(static_cast<Phase>(phase))
-                                                                  : "?";
-}
 
 /// A name from the network, safe for a terminal, padded to at least `width` bytes.
 std::string printable(const std::string& text, std::size_t width) {
@@ -31,7 +26,7 @@ std::string printable(const std::string& text, std::size_t width) {
 
 Update updateOf(const GestureSample& sample, std::span<const std::string> layer_names) {
   Update update;
-  update.phase = phaseText(sample.phase);
+  update.phase = phaseWord(std::uint32_t{sample.phase});
   update.layer = sample.layer;
   if (sample.layer >= 0 && static_cast<std::size_t>(sample.layer) < layer_names.size())
     update.layer_name = layer_names[static_cast<std::size_t>(sample.layer)];
@@ -47,7 +42,7 @@ Update updateOf(const pb::StationStatus& status) {
   update.station = status.station();
   update.trainee = status.trainee();
   if (!status.session_id().empty()) update.session = sessionIdText(status.session_id());
-  update.phase = phaseText(status.phase());
+  update.phase = phaseWord(status.phase());
   update.layer = status.layer();
   update.layer_name = status.tissue().substr(0, kMaxNameBytes);
   update.insertion_m = status.insertion_m();

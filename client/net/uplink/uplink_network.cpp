@@ -328,7 +328,7 @@ void Uplink::handleRefusal(const pb::Envelope& envelope) {
     if (refusal.reason() == pb::Refusal::NO_ROOM) link_.moveOn("this server has no room: trying another");
     return;
   }
-  report("the server refuses (" + reasonName(refusal.reason()) + "): " + refusal.text());
+  report("the server refuses: " + refusal.text());
 }
 
 // --- the live plane: frames for viewers, status lines, clock probes

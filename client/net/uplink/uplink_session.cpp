@@ -221,7 +221,7 @@ void UplinkSession::onRefusal(const pb::Refusal& refusal) {
     case pb::Refusal::TOO_LARGE:
     case pb::Refusal::CONFLICT:
     case pb::Refusal::NOT_FOUND:
-      return refuse("the server refuses it (" + reasonName(refusal.reason()) + "): " + refusal.text());
+      return refuse("the server refuses it: " + refusal.text());
     case pb::Refusal::NO_ROOM:
       // the spool keeps everything; chunks in flight are not stored
       state_ = State::kNew;

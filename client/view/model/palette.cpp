@@ -100,17 +100,4 @@ Rgb phaseColour(Phase phase) {
   }
 }
 
-std::string_view phaseWord(Phase phase) {
-  switch (phase) {
-    case Phase::kInserting:
-      return "going in";
-    case Phase::kStopped:
-      return "at rest";
-    case Phase::kWithdrawing:
-      return "coming out";
-    default:
-      return "outside";
-  }
-}
-
 }  // namespace needlelab

@@ -64,8 +64,6 @@ struct ConditionStyle {
 const ConditionStyle& styleOf(Condition condition);
 
 Rgb phaseColour(Phase phase);
-/// "outside", "going in", "at rest", "coming out".
-std::string_view phaseWord(Phase phase);
 
 /// Colours of the world's axes x y z, in plots of places and of the orientation mark.
 inline constexpr std::array<Rgb, 3> kAxisColours = {kVermillion, kBluishGreen, kSkyBlue};

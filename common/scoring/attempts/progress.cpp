@@ -86,11 +86,19 @@ LineFit fitCurve(std::span<const double> y, double attempts) {
   return fitLine(x, y);
 }
 
+/// How often chance alone makes as clear a trend.
+std::string chanceWords(double p) {
+  constexpr const char* kChance = "chance alone does as much in";
+  if (p < 0.001) return fmt::format("{} fewer than 1 of 1000 cases", kChance);
+  if (p < 0.01) return fmt::format("{} {:.0f} of 1000 cases", kChance, 1000 * p);
+  return fmt::format("{} {:.0f} of 100 cases", kChance, 100 * p);
+}
+
 std::string trendWords(const MeasureProgress& row) {
   if (!row.trend)
     return fmt::format("too few attempts for a trend, which needs {} with this measure", kMinForTrend);
-  const std::string p = row.trend->p < 0.001 ? "p < 0.001" : fmt::format("p = {:.3f}", row.trend->p);
-  if (row.trend->p > 0.05) return "no trend that chance would not often make (" + p + ")";
+  const std::string chance = chanceWords(row.trend->p);
+  if (row.trend->p > 0.05) return "no clear trend (" + chance + ")";
   const bool rises = row.trend->tau > 0;
   const Better better = betterOf(row.name);
   const char* const verdict = better == Better::kNeither           ? "neither is better"
@@ -98,7 +106,7 @@ std::string trendWords(const MeasureProgress& row) {
                                                                    : "it became worse";
   return std::string(rises ? "rises" : "falls") + " by " +
          meanText(row.name, std::abs(row.trend->slope_per_attempt), row.unit) + " with each attempt (" +
-         p.data() + "): " + verdict;
+         chance + "): " + verdict;
 }
 
 }  // namespace

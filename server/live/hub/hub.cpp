@@ -163,7 +163,7 @@ std::optional<pb::Refusal> Hub::onStatus(const std::string& name, const pb::Stat
   setSession(station, status.session_id());
   const double seen_N = station.status.peak_force_n();
   station.status = status;
-  if (isForgotten(station)) station.status.clear_trainee();
+  if (isForgotten(station)) forgetTraineeOf(station.status);
   if (!status.session_id().empty())
     station.status.set_peak_force_n(
         std::max({finite(status.peak_force_n()), finite(status.force_n()), seen_N}));
@@ -189,7 +189,7 @@ std::optional<pb::Refusal> Hub::onRemoteStatus(const HubPeer& from, const pb::St
   station.status = status;
   station.status.set_station(name);
   station.status.set_online(true);
-  if (isForgotten(station)) station.status.clear_trainee();
+  if (isForgotten(station)) forgetTraineeOf(station.status);
   station.status_ns = now_ns;
   if (other_session) refreshWatch(station);
   if (news)
@@ -302,7 +302,7 @@ void Hub::forgetTrainee(const std::string& ref) {
   erased_.insert(ref);
   for (auto& [name, station] : stations_) {
     if (station.trainee_ref != ref || station.status.trainee().empty()) continue;
-    station.status.clear_trainee();
+    forgetTraineeOf(station.status);
     announce(station);
   }
 }

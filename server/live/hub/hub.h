@@ -21,6 +21,12 @@
 
 namespace needlelab {
 
+/// For an erased person, or one whom the server does not know.
+inline void forgetTraineeOf(pb::StationStatus& status) {
+  status.clear_trainee();
+  status.clear_trainee_full_name();
+}
+
 /// A receiver of the hub's messages: a connection of the server, or a test.
 class HubPeer {
  public:

@@ -74,6 +74,7 @@ class PeerConnection : public LivePeer, public std::enable_shared_from_this<Peer
     bool open = false;        // opened here, and its close has not been answered on this connection
     std::string trainee_ref;  // sessions.trainee
     std::string trainee;      // the displayed name; empty: closed, or without a person
+    std::string full_name;    // empty: not known
 
     void noteCommitted(std::uint64_t seqs, bool acks_are_safe) {
       committed = std::max(committed, seqs);

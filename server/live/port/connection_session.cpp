@@ -71,7 +71,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   struct Opened {
     std::uint64_t next_seq = 0, safe = 0, max_safe = 0;
     bool is_new = false, closed = false;
-    std::string trainee_ref, trainee;
+    std::string trainee_ref, trainee, full_name;
     bool begin_unsure = false;
   };
   auto opened = std::make_shared<Opened>();
@@ -112,6 +112,9 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
     opened->trainee_ref = state.text(1);
     opened->begin_unsure = state.integer(2) != 0;
     ASSIGN_OR_RETURN(opened->trainee, shownName(writer, opened->trainee_ref));
+    std::map<std::string, std::string> full;
+    RETURN_IF_ERROR(namesOfRefs(writer, {{opened->trainee_ref}}, &full));
+    opened->full_name = full[opened->trainee_ref];
     return {};
   };
   const Status status = co_await commit(context_.store.writer(), std::move(work));
@@ -139,6 +142,7 @@ Task<> PeerConnection::openSession(pb::OpenSession request) {
   marks.open = true;
   marks.trainee_ref = opened->trainee_ref;
   marks.trainee = opened->closed ? std::string() : opened->trainee;
+  marks.full_name = opened->full_name;
   if (state_ == ConnectionState::kAuthenticated) setState(ConnectionState::kInSession);
   // for a closed session, which includes all of erased people, the station only asks whether it still exists
   if (!opened->closed && isStationsPeer()) context_.hub.onSession(who_.name, session_id, opened->trainee_ref);
@@ -166,9 +170,11 @@ std::optional<pb::Refusal> PeerConnection::onStationStatus(pb::StationStatus sta
   // an erased person's session is closed; this also works after a restart, when the erased names are unknown
   const auto session = sessions_.find(status.session_id());
   if (session == sessions_.end() || context_.hub.isErased(session->second.trainee_ref))
-    status.clear_trainee();
-  else
+    forgetTraineeOf(status);
+  else {
     status.set_trainee(session->second.trainee);
+    status.set_trainee_full_name(session->second.full_name);
+  }
   return isStationsPeer() ? context_.hub.onStatus(who_.name, status, steadyNowNs()) : std::nullopt;
 }
 

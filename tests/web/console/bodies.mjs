@@ -18,7 +18,7 @@ export function bodies(t) {
     await until('a structure under the skin at the tip', async () => {
       if (lesson.over) throw new Error(`exit ${lesson.code}: ${lesson.said}`);
       const words = await tile.innerText();
-      return under_skin.some((name) => words.includes(` in ${name}\n`));
+      return under_skin.some((name) => words.includes(`, tip in ${name}\n`));
     });
     assert.equal(await lesson.ended, 0, lesson.said);
 

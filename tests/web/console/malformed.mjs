@@ -5,128 +5,133 @@ import { api } from './week.mjs';
 
 /** Changes of a profile, and the faults that the editor names: field, and the beginning of the message. */
 const kProfiles = [
-  ['layers: 5', (d) => ({ ...d, layers: 5 }), 'layers', 'must be a list, found the number 5'],
-  ['no layers', ({ layers, ...d }) => d, 'layers', 'is missing'],
-  ['a null layer', (d) => ({ ...d, layers: [d.layers[0], null] }), 'layers[1]', 'must be an object, found null'],
-  [
-    'a layer that is a text',
-    (d) => ({ ...d, layers: ['fat'] }),
-    'layers[0]',
-    'must be an object, found the text "fat"',
-  ],
+  ['layers: 5', (d) => ({ ...d, layers: 5 }), 'Layers', 'must be a list, found the number 5'],
+  ['no layers', ({ layers, ...d }) => d, 'Layers', 'is missing'],
+  ['a null layer', (d) => ({ ...d, layers: [d.layers[0], null] }), 'Layer 2', 'must be an object, found null'],
+  ['a layer that is a text', (d) => ({ ...d, layers: ['fat'] }), 'Layer 1', 'must be an object, found the text "fat"'],
   [
     'a layer that is a list',
     (d) => ({ ...d, layers: [[], ...d.layers] }),
-    'layers[0]',
+    'Layer 1',
     'must be an object, found a list',
   ],
   [
     'a thickness that is a text',
     (d) => ({ ...d, layers: [{ ...d.layers[0], thickness_m: 'NaN' }] }),
-    'layers[0].thickness_m',
+    'Layer 1, thickness',
     'must be a number, found the text "NaN"',
   ],
   [
     'a huge thickness',
     (d) => ({ ...d, layers: [{ ...d.layers[0], thickness_m: 1e300 }] }),
-    'layers[0].thickness_m',
-    '1e+303 is out of range',
+    'Layer 1, thickness',
+    '1e+303 mm is out of range',
   ],
   [
     'a membrane that is a number',
     (d) => ({ ...d, layers: [{ ...d.layers[0], puncture: 7 }] }),
-    'layers[0].puncture',
+    'Layer 1, puncture',
     'must be an object, found the number 7',
   ],
-  ['targets: {}', (d) => ({ ...d, targets: {} }), 'targets', 'must be a list, found an object'],
-  ['a null target', (d) => ({ ...d, targets: [null] }), 'targets[0]', 'must be an object, found null'],
-  ['hazards: null', (d) => ({ ...d, hazards: null }), 'hazards', 'must be a list, found null'],
+  ['targets: {}', (d) => ({ ...d, targets: {} }), 'Targets', 'must be a list, found an object'],
+  ['a null target', (d) => ({ ...d, targets: [null] }), 'Target 1', 'must be an object, found null'],
+  ['hazards: null', (d) => ({ ...d, hazards: null }), 'Hazards', 'must be a list, found null'],
   [
     'a place of wrong types',
     (d) => ({ ...d, hazards: [{ name: 'n', kind: 'NERVE', center_m: { x: {}, y: null, z: 1e300 }, radius_m: 0.1 }] }),
-    'hazards[0].center_m.x',
+    'Hazard 1, centre x',
     'must be a number, found an object',
   ],
-  ['limb: []', (d) => ({ ...d, limb: [] }), 'limb', 'must be an object, found a list'],
+  ['limb: []', (d) => ({ ...d, limb: [] }), 'Shape', 'must be an object, found a list'],
   [
     'a plane that is a text',
     (d) => ({ ...d, limb: { plane: 'flat' } }),
-    'limb.plane',
+    'Limb plane',
     'must be an object, found the text "flat"',
   ],
-  ['needle: 5', (d) => ({ ...d, needle: 5 }), 'needle', 'must be an object, found the number 5'],
-  ['directions: []', (d) => ({ ...d, directions: [] }), 'directions', 'must be an object, found a list'],
+  ['needle: 5', (d) => ({ ...d, needle: 5 }), 'Needle', 'must be an object, found the number 5'],
+  ['directions: []', (d) => ({ ...d, directions: [] }), 'Directions', 'must be an object, found a list'],
   [
     'a direction that is a number',
     (d) => ({ ...d, directions: { plus_x: 5 } }),
-    'directions.plus_x',
+    '+x',
     'must be a text, found the number 5',
   ],
-  ['tracking_wall: true', (d) => ({ ...d, tracking_wall: true }), 'tracking_wall', 'must be an object, found true'],
-  ['effects: {}', (d) => ({ ...d, effects: {} }), 'effects', 'must be a list, found an object'],
-  ['an effect that is null', (d) => ({ ...d, effects: [null] }), 'effects[0]', 'must be '],
-  ['a model that is unknown', (d) => ({ ...d, axial_model: 'MAGIC' }), 'axial_model', '"MAGIC" is not one of'],
-  ['a name that is a number', (d) => ({ ...d, name: 12 }), 'name', 'must be a text, found the number 12'],
+  ['tracking_wall: true', (d) => ({ ...d, tracking_wall: true }), 'Tracking wall', 'must be an object, found true'],
+  ['effects: {}', (d) => ({ ...d, effects: {} }), 'Effects', 'must be a list, found an object'],
+  ['an effect that is null', (d) => ({ ...d, effects: [null] }), 'Effect 1', 'must be '],
+  [
+    'a model that is unknown',
+    (d) => ({ ...d, axial_model: 'MAGIC' }),
+    'Model along the needle',
+    '"MAGIC" is not one of',
+  ],
+  ['a name that is a number', (d) => ({ ...d, name: 12 }), 'Name', 'must be a text, found the number 12'],
 ];
 
 const exercise = (d, changes) => ({ ...d, exercises: [{ ...d.exercises[0], ...changes }] });
 const kCourses = [
-  ['exercises: 7', (d) => ({ ...d, exercises: 7 }), 'exercises', 'must be a list, found the number 7'],
+  ['exercises: 7', (d) => ({ ...d, exercises: 7 }), 'Exercises', 'must be a list, found the number 7'],
   [
     'a null exercise',
     (d) => ({ ...d, exercises: [...d.exercises, null] }),
-    'exercises[1]',
+    'Exercise 2',
     'must be an object, found null',
   ],
-  ['plan: []', (d) => exercise(d, { plan: [] }), 'exercises[0].plan', 'must be an object, found a list'],
+  ['plan: []', (d) => exercise(d, { plan: [] }), 'Exercise 1, plan', 'must be an object, found a list'],
   [
     'an entry that is a text',
     (d) => exercise(d, { plan: { frame: 'LIMB', entry_m: 'here', direction: { x: 0, y: 0, z: -1 } } }),
-    'exercises[0].plan.entry_m',
+    'Exercise 1, entry on the skin',
     'must be an object, found the text "here"',
   ],
-  ['aids: 5', (d) => exercise(d, { aids: 5 }), 'exercises[0].aids', 'must be an object, found the number 5'],
+  ['aids: 5', (d) => exercise(d, { aids: 5 }), 'Exercise 1, aids', 'must be an object, found the number 5'],
   [
     'allowed: 5',
     (d) => exercise(d, { aids: { allowed: 5 } }),
-    'exercises[0].aids.allowed',
+    'Exercise 1, what the station may show',
     'must be a list, found the number 5',
   ],
   [
     'prerequisites: "x"',
     (d) => exercise(d, { prerequisites: 'x' }),
-    'exercises[0].prerequisites',
+    'Exercise 1, must be passed first',
     'must be a list, found the text "x"',
   ],
   [
     'a prerequisite that is null',
     (d) => exercise(d, { prerequisites: [null] }),
-    'exercises[0].prerequisites[0]',
+    'Exercise 1, prerequisite 1',
     'must be a text, found null',
   ],
   [
     'requirements: {}',
     (d) => exercise(d, { requirements: {} }),
-    'exercises[0].requirements',
+    'Exercise 1, requirements',
     'must be a list, found an object',
   ],
   [
     'a null requirement',
     (d) => exercise(d, { requirements: [null] }),
-    'exercises[0].requirements[0]',
+    'Exercise 1, requirement 1',
     'must be an object, found null',
   ],
   [
     'a due date beyond all time',
     (d) => exercise(d, { due_unix_ms: 1e300 }),
-    'exercises[0].due_unix_ms',
+    'Exercise 1, due',
     '1e+300 is out of range',
   ],
-  ['an id that is a number', (d) => exercise(d, { id: 5 }), 'exercises[0].id', 'must be a text, found the number 5'],
+  [
+    'an id that is a number',
+    (d) => exercise(d, { id: 5 }),
+    'Exercise 1, exercise id',
+    'must be a text, found the number 5',
+  ],
   [
     'a needle that is a list',
     (d) => exercise(d, { needle: [] }),
-    'exercises[0].needle',
+    'Exercise 1, needle',
     'must be an object, found a list',
   ],
 ];
@@ -137,7 +142,7 @@ const kTexts = [
   ['null', 'A document must be an object in braces, found null'],
   ['5', 'A document must be an object in braces, found the number 5'],
   ['[]', 'A document must be an object in braces, found a list'],
-  ['{"max_force_n": 1e999}', 'max_force_n: is too large for a number'],
+  ['{"max_force_n": 1e999}', 'greatest force: is too large for a number'],
   [`{"a": ${'['.repeat(5000)}${']'.repeat(5000)}}`, 'is nested deeper than 32'],
 ];
 
@@ -201,6 +206,51 @@ export function malformed(t) {
     assert.equal(status, 200);
     await done(page);
     await edits('courses', 'malformed', 'Course', kCourses);
+  });
+
+  it('whatever is wrong with a document is said in the words of the form', async () => {
+    const page = await t.browser.as('mara');
+    await open(page, t.lab, '#/profiles/knee-adult');
+    const wrong = [undefined, null, 'x', 1e300, -12345.678901234, [], {}, true];
+    const found = await page.evaluate(async (values) => {
+      const { placeWords, problemWords } = await import('/app/lib/plain_words.js');
+      const { checkProfile, checkCourse, documents } = await import('/app/net/requests.js');
+      const { withValue, writePath } = await import('/app/lib/paths.js');
+      const placesOf = (value, at = []) =>
+        value && typeof value === 'object'
+          ? Object.keys(value).flatMap((key) => {
+              const here = [...at, Array.isArray(value) ? Number(key) : key];
+              return [here, ...placesOf(value[key], here)];
+            })
+          : [];
+      const said = new Set();
+      for (const [kind, id, check] of [
+        ['profiles', 'knee-adult', checkProfile],
+        ['courses', 'malformed', checkCourse],
+      ]) {
+        const { json } = await documents(kind).one(id);
+        json.exercises?.forEach((e) =>
+          Object.assign(e, {
+            needle: { length_m: 0.06, tip: 'TUOHY' },
+            requirements: [{ measure: 'peak_force_n', min: 2, max: 1 }],
+            plan: { frame: 'LIMB', entry_m: { x: 0, y: 0, z: 0 }, direction: { x: 0, y: 0, z: -1 } },
+          }),
+        );
+        for (const place of [[], ...placesOf(json)])
+          for (const value of [...values, ...(place.length ? [] : [{ ...json, odd_field: 1 }])])
+            for (const p of await check(place.length ? withValue(json, writePath(place), value) : (value ?? {})))
+              said.add(`${placeWords(p.path)}: ${problemWords(p)}`);
+      }
+      return [...said];
+    }, wrong);
+    assert.ok(found.length > 300, `${found.length} messages`);
+    // what is quoted was typed
+    const raw = /[a-z]_[a-z]|\w\[\d|\b[A-Z]{3,}\b|\d+\.\d{6,}|[0-9a-f]{8}-[0-9a-f]{4}-/;
+    assert.deepEqual(
+      found.filter((text) => raw.test(text.replace(/"[^"]*"/g, '').replace(/\b(JSON|FEM)\b/g, ''))),
+      [],
+    );
+    await done(page);
   });
 
   it('the form changes only what it was told to: what it cannot show stays', async () => {
@@ -363,7 +413,7 @@ export function malformed(t) {
     await page.getByText('The whole document as JSON').click();
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
-    const last = `layers[${whole.layers.length - 1}].thickness_m`;
+    const last = `Layer ${whole.layers.length}, thickness`;
     await json.fill(JSON.stringify({ ...whole, layers: whole.layers.map((l) => ({ ...l, thickness_m: 0 })) }));
     await link(last).waitFor();
     await page.getByText('This is the last version that could be rendered.').waitFor();
@@ -377,7 +427,7 @@ export function malformed(t) {
     await json.fill(JSON.stringify({ ...whole, needle: 5 }));
     // its answer makes the list shorter, and what stands beside the form cannot stay scrolled as far
     await beside.evaluate((element) => (element.scrollTop = element.scrollHeight));
-    await link('needle').hover();
+    await link('Needle').hover();
     const before = await scrolled();
     await page.mouse.down();
     const answered = page.waitForEvent('requestfinished', (request) => request.url().endsWith('/profiles/check'));

@@ -55,7 +55,7 @@ export function trouble(t) {
       '3.3',
     );
     await second.getByRole('button', { name: 'Save', exact: true }).click();
-    await dialog.getByLabel(/Keep mine for layers\[0\]/).check();
+    await dialog.getByLabel(/Keep mine for Layer 1, thickness/).check();
     await dialog.getByRole('button', { name: 'Save both together' }).click();
     await second.getByText('was saved as revision 3').waitFor();
 

@@ -125,7 +125,7 @@ export function week(t) {
       .getByText(/outside|range|from 0/)
       .first()
       .waitFor();
-    await page.getByRole('button', { name: 'layers[2].cutting_force_n' }).first().click();
+    await page.getByRole('button', { name: 'Layer 3, cutting force' }).first().click();
     assert.ok(await field.evaluate((e) => e === document.activeElement), 'the problem leads to its field');
     await field.fill('2.2');
     await page
@@ -142,7 +142,7 @@ export function week(t) {
     await page.getByRole('link', { name: 'Revisions' }).click();
     const changes = page.getByRole('region', { name: '1 change from revision 1 to 2' });
     await changes.waitFor();
-    assert.match(await changes.innerText(), /layers\[2\]\.cutting_force_n\s+.*changed\s+1\.6\s+2\.2/s);
+    assert.match(await changes.innerText(), /Layer 3, cutting force\s+.*changed\s+1\.6 N\s+2\.2 N/s);
     await accessible(page, 'the revisions');
     const { layers } = (await api(page, 'profiles/knee-autumn?revision=1')).json;
     assert.equal(layers[2].cutting_force_n, 1.6);
@@ -196,7 +196,7 @@ export function week(t) {
     // a planned line: without a direction it is incomplete, and the link of the problem leads to the vector
     await page.getByLabel('A planned entry and line').check();
     await page.getByLabel('Direction z').fill('0');
-    await page.getByRole('button', { name: 'exercises[1].plan.direction' }).click();
+    await page.getByRole('button', { name: 'Exercise 2, direction' }).click();
     assert.equal(await page.getByLabel('Direction x').evaluate((field) => field === document.activeElement), true);
     await page.getByLabel('Direction y').fill('0.5');
     await page.getByLabel('Direction z').fill('-2');
@@ -249,7 +249,7 @@ export function week(t) {
     ];
     const tile = page.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
-    await tile.getByText('anna.bauer').waitFor();
+    await tile.getByText('Anna Bauer').waitFor();
     await page.getByText('2 of 2 stations are in use').waitFor();
     // the hand goes in and out: depth and force change, and the layer at the tip is named; once to the end, so that
     // the target is reached
@@ -302,7 +302,7 @@ export function week(t) {
     await row('Ben Osei')
       .getByRole('link', { name: /best session/ })
       .click();
-    await page.getByRole('heading', { level: 1, name: 'ben.osei: Knee' }).waitFor();
+    await page.getByRole('heading', { level: 1, name: 'Ben Osei: Knee' }).waitFor();
   });
 
   it('asks for the score of a session once', async () => {
@@ -398,7 +398,7 @@ export function week(t) {
     await page.getByRole('link', { name: 'All experts of this exercise' }).click();
     await page.getByRole('heading', { level: 1, name: 'Experts of Knee' }).waitFor();
     await page.getByText('No bands yet').waitFor();
-    for (const name of ['anna.bauer', 'chen.li'])
+    for (const name of ['Anna Bauer', 'Li, Chen'])
       await page
         .getByRole('row', { name: new RegExp(name) })
         .getByRole('checkbox')
@@ -428,7 +428,7 @@ export function week(t) {
   });
 
   it('excuses an attempt, and lets it count again', async () => {
-    await page.getByRole('button', { name: 'Excuse attempt 1 of ben.osei' }).click();
+    await page.getByRole('button', { name: 'Excuse attempt 1 of Ben Osei' }).click();
     const dialog = page.getByRole('dialog', { name: /^Excuse attempt 1/ });
     await dialog.getByLabel('Reason').fill('The device lost its force.');
     await accessible(page, 'the excuse');
@@ -438,8 +438,8 @@ export function week(t) {
       (await api(page, 'results?course=autumn-course')).rows.find((r) => r.trainee === 'ben.osei').cells[0]
         .attempts_left;
     assert.equal(await left(), 3);
-    await page.getByRole('button', { name: 'Let attempt 1 of ben.osei count again' }).click();
-    await page.getByRole('button', { name: 'Excuse attempt 1 of ben.osei' }).waitFor();
+    await page.getByRole('button', { name: 'Let attempt 1 of Ben Osei count again' }).click();
+    await page.getByRole('button', { name: 'Excuse attempt 1 of Ben Osei' }).waitFor();
     assert.equal(await left(), 2);
   });
 

@@ -131,11 +131,13 @@ const scoreReply = (lab, s, first) => {
 };
 const passedOf = (rows) => rows.every((row) => row.passed !== false);
 const profileOf = (lab, s) => s.profile ?? lab.profiles.get(s.profile_id)[0].json;
+const fullName = (lab, trainee) => lab.people.get(trainee)?.full_name ?? '';
 const infoOf = (lab, s) => ({
   description: {
     session_id: s.session_id,
     station: s.station,
     trainee: s.trainee,
+    trainee_full_name: fullName(lab, s.trainee),
     exercise_id: s.exercise_id,
     profile_id: s.profile_id,
     profile_revision: s.profile_revision,
@@ -204,6 +206,7 @@ const attemptOf = (lab, s) => {
   return {
     session_id: s.session_id,
     trainee: s.trainee,
+    trainee_full_name: fullName(lab, s.trainee),
     exercise_id: s.exercise_id,
     number,
     started_unix_ms: s.started_unix_ms,
@@ -610,7 +613,11 @@ export const kTable = [
   get('measures', kAll, () => ({ items: measures, definition_version: 1, next_page: '' })),
   get('assignments', kPeople, ({ lab, query }) =>
     paged(
-      lab.assignments.map((a) => ({ ...a, group_name: lab.groups.get(a.group_id)?.name ?? '' })),
+      lab.assignments.map((a) => ({
+        ...a,
+        trainee_full_name: fullName(lab, a.trainee),
+        group_name: lab.groups.get(a.group_id)?.name ?? '',
+      })),
       query,
     ),
   ),
@@ -624,6 +631,7 @@ export const kTable = [
       due_unix_ms: null,
       group_name: '',
       ...body,
+      trainee_full_name: fullName(lab, body.trainee),
       by: who.name,
       created_unix_ms: Date.now(),
     };

@@ -13,6 +13,7 @@
 
 #include "client/net/link/connect.h"
 #include "client/net/link/server_link.h"
+#include "common/base/text/plain_words.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 
@@ -100,7 +101,7 @@ LinkTrouble explanationOf(const Error& error, const std::string& server) {
 
 LinkTrouble troubleOf(const Error& error, const std::string& server) {
   LinkTrouble trouble = explanationOf(error, printable(server));
-  trouble.detail = printable(error.message);
+  trouble.detail = plainWords(printable(error.message));
   return trouble;
 }
 

@@ -6,8 +6,10 @@
 
 #include <fmt/core.h>
 
+#include "client/instructor/model/live/session_scene.h"
 #include "common/base/text/text.h"
 #include "common/haptics/gate/force_gate.h"
+#include "common/haptics/phase_words.h"
 
 namespace needlelab {
 namespace {
@@ -60,7 +62,7 @@ std::string lessonWords(const StationTile& tile, const std::string& exercise) {
 
 std::string depthWords(const StationTile& tile) {
   if (!tile.online || tile.session_id.empty()) return {};
-  const std::string phase(phaseWord(tile.phase <= 3 ? static_cast<Phase>(tile.phase) : Phase::kFree));
+  const std::string phase(phaseWord(tile.phase));
   if (tile.layer < 0) return phase;
   const std::string where =
       tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
@@ -132,7 +134,7 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
     }
     tile.session_id = status.session_id();
   }
-  if (!status.trainee().empty()) tile.trainee = printable(status.trainee());
+  if (!status.trainee().empty()) tile.trainee = printable(traineeName(status));
   if (!status.exercise_id().empty()) tile.exercise = printable(status.exercise_id());
   tile.phase = status.phase();
   tile.layer = status.layer();

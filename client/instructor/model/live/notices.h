@@ -5,6 +5,7 @@
 #include <string>
 
 #include "client/view/model/palette.h"
+#include "common/base/text/plain_words.h"
 
 namespace needlelab {
 
@@ -27,6 +28,7 @@ class Notices {
  private:
   static constexpr std::size_t kMost = 3;  // more would cover the screen
   void add(std::string text, Condition condition, double seconds) {
+    text = plainWords(text);
     // a repeated text extends its notice
     std::erase_if(notices_, [&](const Notice& notice) { return notice.text == text; });
     notices_.push_back({std::move(text), condition, now_s_ + seconds});

@@ -49,6 +49,13 @@ EffectMask leftOut(const pb::SessionDescription& description, const pb::Profile&
 /// was omitted.
 void makeAsRendered(const pb::SessionDescription& description, const pb::Profile& profile, SceneSpec& spec);
 
+/// The trainee for people: the full name if the server knows it. Of a session's description or a station's
+/// status.
+template <typename OfTrainee>
+const std::string& traineeName(const OfTrainee& of) {
+  return of.trainee_full_name().empty() ? of.trainee() : of.trainee_full_name();
+}
+
 /// Returns the session's id as text; "?" if it is invalid.
 std::string sessionIdText(const std::string& bytes);
 

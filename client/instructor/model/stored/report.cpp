@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "client/instructor/model/live/session_scene.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "common/base/files/files.h"
@@ -173,7 +174,7 @@ std::string headOf(const ReportData& data) {
   // an unreadable profile has no name
   const std::string& patient =
       gesture.scene.profile.name().empty() ? d.profile_id() : gesture.scene.profile.name();
-  std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : d.trainee()) + ": " +
+  std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : traineeName(d)) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
                     "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
   if (const auto lowered = stiffnessShareText(stiffnessSharesOf(d), leftOut(d, gesture.scene.profile));
@@ -182,8 +183,8 @@ std::string headOf(const ReportData& data) {
   if (const auto miss = missOf(gesture.samples, gesture.events, gesture.scene.profile, gesture.scene.X_WL))
     out += "<p>" + htmlText(missText(*miss) + " " + missDirectionText(*miss)) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
-  out += "<table>\n" + fact("session", gesture.id) + fact("when and what", gesture.title()) +
-         fact("station", d.station()) + fact("device", d.device()) +
+  out += "<table>\n" + fact("when and what", gesture.title()) + fact("station", d.station()) +
+         fact("device", d.device()) +
          fact("attempt", data.attempt == 0 ? std::string() : std::to_string(data.attempt)) +
          fact("patient", fmt::format("{}, revision {}", patient, d.profile_revision())) +
          fact("force model", wordsOfName(d.axial_model())) + fact("engine", d.engine_version()) +

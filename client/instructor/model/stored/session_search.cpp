@@ -9,6 +9,8 @@
 
 #include <fmt/core.h>
 
+#include "client/instructor/model/live/session_scene.h"
+#include "common/base/text/plain_words.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "common/scoring/measures/measure_table.h"
@@ -97,7 +99,7 @@ void SessionSearch::ask(const std::string& page) {
     const auto now = alive.lock();
     if (!now || *now != meant) return;
     if (!reply.ok()) {
-      fail(printable(reply.error().message), first);
+      fail(plainWords(printable(reply.error().message)), first);
       return;
     }
     waiting_ = false;
@@ -139,7 +141,9 @@ void SessionSearch::sort() {
     case SessionOrder::kNewest:
       break;
     case SessionOrder::kTrainee:
-      by([](const auto& a, const auto& b) { return a.description().trainee() < b.description().trainee(); });
+      by([](const auto& a, const auto& b) {
+        return traineeName(a.description()) < traineeName(b.description());
+      });
       break;
     case SessionOrder::kExercise:
       by([](const auto& a, const auto& b) {

@@ -7,6 +7,7 @@
 
 #include <fmt/core.h>
 
+#include "client/instructor/model/live/session_scene.h"
 #include "client/view/model/gesture_replica.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
@@ -285,7 +286,8 @@ std::optional<PlanView> StoredGesture::planView() const {
 std::string StoredGesture::title() const {
   const auto& d = info.description();
   const std::string exercise = exercise_name.empty() ? printable(d.exercise_id()) : exercise_name;
-  return printable(d.trainee()) + ", " + exercise + ", " + localTime(d.started_unix_ns(), TimeForm::kMinute);
+  return printable(traineeName(d)) + ", " + exercise + ", " +
+         localTime(d.started_unix_ns(), TimeForm::kMinute);
 }
 
 Result<std::vector<pb::Annotation>> readRemarks(const LabCall& call, const std::string& session_id) {

@@ -12,7 +12,7 @@
 #include "common/base/text/text.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/gate/force_gate.h"
-#include "common/haptics/sim_state.h"
+#include "common/haptics/phase_words.h"
 
 namespace needlelab {
 namespace {
@@ -33,7 +33,7 @@ std::string place(const LiveView& view) {
   const auto add = [&](bool shown, const std::string& part) {
     if (shown) text += (text.empty() ? "" : " ") + part;
   };
-  add(view.aids.phase, phaseName(static_cast<Phase>(s.phase)));
+  add(view.aids.phase, std::string(phaseWord(static_cast<Phase>(s.phase))));
   if (s.layer >= 0) {
     add(view.aids.layer, view.layer.empty() ? fmt::format("layer {}", s.layer + 1) : view.layer);
     add(view.aids.depth, fixedText(1e3 * s.insertion_m, 1) + " mm");

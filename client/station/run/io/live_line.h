@@ -36,7 +36,7 @@ struct LiveView {
   LiveAids aids = {};
 };
 
-/// "1:07  INSERTING muscle 23.4 mm 1.52 N | wake-up 25/46/452 µs, 0 missed | spool 3 | server"; a fault or a
+/// "1:07  going in muscle 23.4 mm 1.52 N | wake-up 25/46/452 µs, 0 missed | spool 3 | server"; a fault or a
 /// hold comes first, in capitals.
 std::string liveText(const LiveView& view);
 

@@ -14,6 +14,7 @@
 #include "client/station/window/lessons/start_choice.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
+#include "common/base/text/plain_words.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 
@@ -56,7 +57,7 @@ bool LessonSequence::open() {
       code_ = exitCodeOf(status.error());
       board_.change([&](BoardState& state) {
         state.stage = Stage::kFailed;
-        state.trouble = printable(status.error().message);
+        state.trouble = plainWords(printable(status.error().message));
       });
       return false;
     }

@@ -18,6 +18,7 @@
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
 #include "common/base/units.h"
+#include "common/haptics/phase_words.h"
 
 namespace needlelab {
 

@@ -2,6 +2,7 @@
 import { fromInput, toInput } from '../lib/time.js';
 import { exerciseName, numbered, planGivenBy, withExerciseId } from '../lib/course_rules.js';
 import { toggled } from '../lib/paths.js';
+import { problemWords } from '../lib/plain_words.js';
 import { href } from '../lib/routes.js';
 import { DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken, CheckField, SelectField, TextField, problemsAt } from '../ui/fields.js';
@@ -140,7 +141,7 @@ function Prerequisites({ f, at, index }) {
       const next = on ? [...all, id] : all.filter((other) => other !== id);
       return next.length ? next : undefined;
     });
-  const problems = (f.problems ?? []).filter((p) => p.path.startsWith(`${at}.prerequisites`));
+  const problems = f.problems.filter((p) => p.path.startsWith(`${at}.prerequisites`));
   return html`<fieldset>
     <legend>${f.doc.exam ? 'Must be taken first' : 'Must be passed first'}</legend>
     ${
@@ -156,7 +157,7 @@ function Prerequisites({ f, at, index }) {
           onValue=${toggle(e.id)}
         />`,
     )}
-    ${problems.map((p) => html`<p class="error">✗ ${p.message}</p>`)}
+    ${problems.map((p) => html`<p class="error">✗ ${problemWords(p)}</p>`)}
   </fieldset>`;
 }
 

@@ -15,4 +15,7 @@ export function tileState(tile) {
 }
 
 /** The trainee's name, which the server knows once it has the session. */
-export const traineeWords = (tile) => tile.trainee || 'Name not known yet';
+export const traineeWords = (tile) => traineeName(tile) || 'Name not known yet';
+
+/** @param {{trainee?: string, trainee_full_name?: string}} of a session's description, an attempt, a tile, … */
+export const traineeName = (of) => of.trainee_full_name || of.trainee;

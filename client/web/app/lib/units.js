@@ -107,7 +107,7 @@ const kOutOfRange = /^(\S+) is out of range ([[(])([^\s,]+), ([^\s,\])]+)([\])])
 
 /**
  * A message of the server, which is in SI, under a field in another unit: "-0.003 is out of range (0, 1]" in a field in
- * mm is "-3 is out of range (0, 1000] mm". Adds the unit to other messages with a number.
+ * mm is "-3 mm is out of range: allowed is more than 0, at most 1000 mm". Adds the unit to other messages with a number.
  * @param {string} message
  * @param {{factor: number, unit: string, si: string}} shown_unit as from fieldUnit
  */
@@ -115,10 +115,18 @@ export function messageIn(message, { factor, unit, si }) {
   const found = kOutOfRange.exec(message);
   if (found) {
     const [, value, open, least, greatest, close] = found;
-    const text = (number) => shown(Number(number), factor);
-    return `${text(value)} is out of range ${open}${text(least)}, ${text(greatest)}${close}${unit && ` ${unit}`}`;
+    const text = (number, digits) => String(Number((Number(number) / factor).toPrecision(digits)));
+    const [low, high] = [text(least, 4), text(greatest, 4)],
+      after = unit && ` ${unit}`;
+    const allowed =
+      open === '[' && close === ']'
+        ? `${low} to ${high}`
+        : `${open === '(' ? 'more than' : 'at least'} ${low}, ${close === ')' ? 'less than' : 'at most'} ${high}`;
+    return `${text(value, 6)}${after} is out of range: allowed is ${allowed}${after}`;
   }
-  return si === unit || !/\d/.test(message) ? message : `${message} (in ${si}, not ${unit})`;
+  return si === unit || !/\d/.test(message) || message.includes(` ${unit}`)
+    ? message
+    : `${message} (in ${si}, not ${unit})`;
 }
 
 /** The unit of the field at a path of a document: of "layers[0].thickness_m", of "targets[1].center_m.x". */

@@ -1,5 +1,6 @@
 // Requests to /api/v1: cookies, the CSRF header, expired log-ins, errors as an ApiError with a `kind`. All pages use
 // these functions.
+import { placeWords, problemWords } from '../lib/plain_words.js';
 import { serverIsAway, serverIsThere } from './connection.js';
 
 const kBase = '/api/v1';
@@ -144,12 +145,12 @@ export class ApiError extends Error {
   /**
    * @param {ErrorKind} kind
    * @param {string} message for a person
-   * @param {{status?: number, field?: string, code?: string, current_revision?: number, retry_after_s?: number}} [more]
+   * @param {{status?: number, field?: string, said?: string, code?: string, current_revision?: number, retry_after_s?: number}} [more]
    */
   constructor(kind, message, more = {}) {
     super(message);
     this.kind = kind;
-    Object.assign(this, { status: 0, field: '', code: '', ...more });
+    Object.assign(this, { status: 0, field: '', said: '', code: '', ...more });
   }
 }
 
@@ -173,10 +174,16 @@ const kKinds = {
  */
 export function errorOf(status, body, retry_after) {
   const error = body?.error ?? {};
-  const text = error.message ?? `The server answered with status ${status} and no message.`;
+  // the server's message begins with the field, after the name of the document
+  const field = error.field ?? '',
+    said = field ? (error.message ?? '').replace(/^(?:\w+: )?\S+: /, '') : '';
+  const text = said
+    ? `${placeWords(field)}: ${problemWords({ path: field, message: said })}`
+    : (error.message ?? `The server answered with status ${status} and no message.`);
   return new ApiError(kKinds[status] ?? 'failed', text, {
     status,
-    field: error.field ?? '',
+    field,
+    said,
     code: error.code ?? '',
     current_revision: error.current_revision ?? body?.current_revision,
     retry_after_s: Number(retry_after) || undefined,

@@ -1,4 +1,5 @@
 // Assignments: people, their tasks and due dates.
+import { traineeName } from '../lib/lab.js';
 import { href } from '../lib/routes.js';
 import { fromInput, moment } from '../lib/time.js';
 import { assignments, documents, exercises, groups, people } from '../net/requests.js';
@@ -92,7 +93,7 @@ export function AssignmentsPage() {
     <${Loaded} load=${load}>${(all) => {
       const nameOf = (list, id) => list.find((x) => x.id === id)?.name ?? id;
       const whatName = (a) => (a.course_id ? nameOf(all.courses, a.course_id) : nameOf(all.exercises, a.exercise_id));
-      const whomName = (a) => (a.group_id ? a.group_name || a.group_id : a.trainee);
+      const whomName = (a) => (a.group_id ? a.group_name || a.group_id : traineeName(a));
       const what = (a) =>
         a.course_id ? html`<a href=${href(['courses', a.course_id])}>${whatName(a)}</a>` : whatName(a);
       const whom = (a) =>

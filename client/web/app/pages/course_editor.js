@@ -56,7 +56,7 @@ export function CourseEditor({ params, person }) {
       }
     `;
   const refused = editing.saving.error?.field
-    ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
+    ? [{ path: editing.saving.error.field, message: editing.saving.error.said, severity: 'ERROR' }]
     : [];
   // the server also checks names of measures and bounds of numbers; a problem found here is not shown twice
   const problems = [...faults, ...[...said, ...refused].filter((p) => !faults.some((f) => isWithin(f.path, p.path)))];

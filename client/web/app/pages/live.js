@@ -1,7 +1,7 @@
 // The state of the lab now. The line reconnects by itself, and the page shows its state.
 import { isPractising, tileState, traineeWords } from '../lib/lab.js';
 import { href } from '../lib/routes.js';
-import { counted, quantity, words } from '../lib/units.js';
+import { atStart, counted, quantity } from '../lib/units.js';
 import { may } from '../lib/roles.js';
 import { followLab } from '../net/live.js';
 import { html, useEffect, useRef, useState } from '../ui/html.js';
@@ -39,11 +39,11 @@ function Tile({ tile, person, nameOf }) {
             <p>
               <strong>${
                 tile.trainee && may(person.role, 'see people')
-                  ? html`<a href=${href(['people', tile.trainee])}>${tile.trainee}</a>`
+                  ? html`<a href=${href(['people', tile.trainee])}>${traineeWords(tile)}</a>`
                   : traineeWords(tile)
               }</strong>, ${nameOf(tile.exercise)}
             </p>
-            <p>${words(tile.phase)}${tile.layer ? ` in ${tile.layer}` : ''}</p>
+            <p>${atStart(tile.phase)}${tile.layer ? `, tip in ${tile.layer}` : ''}</p>
             <${Gauge} label="Depth" value=${tile.depth_m ?? 0} full=${kFullDepth_m} unit="m" />
             <${Gauge} label="Force" value=${force} peak=${peak} full=${kFullForce_N} unit="N" />
             <p class="help">

@@ -159,7 +159,7 @@ export function ProfileEditor({ params, query, person }) {
       }
     `;
   const refused = editing.saving.error?.field
-    ? [{ path: editing.saving.error.field, message: editing.saving.error.message, severity: 'ERROR' }]
+    ? [{ path: editing.saving.error.field, message: editing.saving.error.said, severity: 'ERROR' }]
     : [];
   const all = [...problems, ...refused.filter((r) => !problems.some((p) => p.path === r.path))];
   const change = (next) => editing.change((before) => followLayerNames(before, next(before)));

@@ -167,11 +167,15 @@ export function Progress({ name, query, base, me }) {
 
 export function ProgressPage({ params, query, person }) {
   const own = params.name === person.name;
+  const shown = useLoad(
+    async (signal) => (!own && may(person.role, 'see people') ? people.one(params.name, signal) : null),
+    [params.name],
+  );
   if (!own && !may(person.role, 'see results'))
     return html`<${Forbidden} person=${person} path=${`/progress/${params.name}`} />`;
   return html`
     <${Heading}
-      title=${own ? 'My progress' : `Progress of ${params.name}`}
+      title=${own ? 'My progress' : `Progress of ${shown.data?.full_name || params.name}`}
       above=${own ? html`<a href="#/mine">My results</a>` : html`<a href="#/results">Results</a>`}
     />
     <${Progress} name=${params.name} query=${query} base=${['progress', params.name]} me=${person} />

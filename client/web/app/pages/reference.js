@@ -1,4 +1,5 @@
 // The experts of one exercise: their sessions, to which all others are compared, and the bands made from them.
+import { traineeName } from '../lib/lab.js';
 import { meanText, measureNamed } from '../lib/measures.js';
 import { href } from '../lib/routes.js';
 import { layerNames } from '../lib/tissue.js';
@@ -65,12 +66,12 @@ function Choice({ exercise, name, reference, reload }) {
                   <${CheckField}
                     label=${html`<span
                       class="visually-hidden"
-                    >${`${d.trainee}, ${moment(d.started_unix_ms)} is an expert's`}</span>`}
+                    >${`${traineeName(d)}, ${moment(d.started_unix_ms)} is an expert's`}</span>`}
                     checked=${chosen.includes(d.session_id)}
                     onValue=${toggle(d.session_id)}
                   />
                 </td>
-                <th scope="row">${d.trainee}</th>
+                <th scope="row">${traineeName(d)}</th>
                 <td><a href=${href(['sessions', d.session_id])}>${moment(d.started_unix_ms)}</a></td>
                 <td>${d.station}</td>
                 <td class="number">${clock(s.samples / d.rate_hz)}</td>

@@ -24,7 +24,7 @@ export function cellState(cell) {
   return cell.attempts > 0 ? ['info', 'practised'] : ['open', 'not started'];
 }
 
-export function Cell({ cell, trainee, nameOf }) {
+export function Cell({ cell, trainee, called = trainee, nameOf }) {
   const [kind, word] = cellState(cell);
   const tried = counted(cell.attempts, 'attempt');
   return html`
@@ -36,7 +36,7 @@ export function Cell({ cell, trainee, nameOf }) {
         <a
           class="cell-link"
           href=${href(['progress', trainee], { exercise: cell.exercise_id })}
-          aria-label=${`${tried} of ${trainee} at ${nameOf(cell.exercise_id)}`}
+          aria-label=${`${tried} of ${called} at ${nameOf(cell.exercise_id)}`}
         >${tried}</a>
       `
     }
@@ -45,7 +45,7 @@ export function Cell({ cell, trainee, nameOf }) {
       html` · <a
           class="cell-link"
           href=${href(['sessions', cell.best.session_id])}
-          aria-label=${`best session of ${trainee} at ${nameOf(cell.exercise_id)}`}
+          aria-label=${`best session of ${called} at ${nameOf(cell.exercise_id)}`}
         >
           best
         </a>`
@@ -106,7 +106,9 @@ function Matrix({ course, group }) {
             ${exercises.map((e) => {
               const cell = row.cells.find((c) => c.exercise_id === e.id);
               return html`<td>${
-                cell ? html`<${Cell} cell=${cell} trainee=${row.trainee} nameOf=${nameOf} />` : '–'
+                cell
+                  ? html`<${Cell} cell=${cell} trainee=${row.trainee} called=${row.full_name || row.trainee} nameOf=${nameOf} />`
+                  : '–'
               }</td>`;
             })}
           </tr>`,

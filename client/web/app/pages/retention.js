@@ -45,7 +45,7 @@ function PolicyForm({ begin, known, done }) {
     setBad((all) => (all.includes(path) === is ? all : is ? [...all, path] : all.filter((p) => p !== path)));
   const faults = faultsOf(policy);
   const refused = action.error?.field
-    ? [{ path: action.error.field.replace(/^policy\./, ''), message: action.error.message }]
+    ? [{ path: action.error.field.replace(/^policy\./, ''), message: action.error.said }]
     : [];
   const field = (key, label, unit, help) =>
     html`<${NumberField}

@@ -1,12 +1,12 @@
 // The differences of two revisions of a profile or course.
 import { changes } from '../lib/diff.js';
+import { placeWords, valueWords } from '../lib/plain_words.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { moment } from '../lib/time.js';
 import { counted } from '../lib/units.js';
 import { documents } from '../net/requests.js';
 import { announce, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
-import { valueText } from '../ui/conflict.js';
 import { SelectField } from '../ui/fields.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
@@ -30,7 +30,7 @@ function Differences({ kind, id, from, to }) {
           head=${['Field', 'What', `Revision ${from}`, `Revision ${to}`]}
         >${all.map(
           (c) => html`<tr key=${c.path}>
-            <th scope="row"><code>${c.path}</code></th>
+            <th scope="row">${placeWords(c.path)}</th>
             <td>${
               c.before === undefined
                 ? html`<${Mark} kind="good">added<//>`
@@ -38,8 +38,8 @@ function Differences({ kind, id, from, to }) {
                   ? html`<${Mark} kind="bad">removed<//>`
                   : html`<${Mark} kind="warn">changed<//>`
             }</td>
-            <td class="long">${valueText(c.before)}</td>
-            <td class="long">${valueText(c.after)}</td>
+            <td class="long">${valueWords(c.before, c.path)}</td>
+            <td class="long">${valueWords(c.after, c.path)}</td>
           </tr>`,
         )}<//>`}<//>`;
 }

@@ -6,6 +6,7 @@ import { clock, moment } from '../lib/time.js';
 import { counted, words } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { sessions } from '../net/requests.js';
+import { traineeName } from '../lib/lab.js';
 import { may } from '../lib/roles.js';
 import { useExerciseName, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useMemo, useState } from '../ui/html.js';
@@ -21,7 +22,7 @@ const kPoints = 2000;
 
 /** Why the session waits for a manager, with the trainee. */
 function waitingFor(session) {
-  const { trainee } = session.description;
+  const trainee = traineeName(session.description);
   if (session.not_assigned) return `it was not assigned to ${trainee} when the session arrived`;
   if (session.code_unchecked) return `the code of ${trainee} was not given`;
   return session.begin_unsure
@@ -161,7 +162,7 @@ export function SessionPage({ params, person }) {
   const patient = d?.profile?.name || d?.profile_id;
   return html`
     <${Heading}
-      title=${d ? `${d.trainee}: ${nameOf(d.exercise_id)}` : 'Session'}
+      title=${d ? `${traineeName(d)}: ${nameOf(d.exercise_id)}` : 'Session'}
       above=${html`<a href="#/sessions">Sessions</a>`}
     >${
       load.data &&
@@ -185,7 +186,7 @@ export function SessionPage({ params, person }) {
         ${
           session.given_trainee &&
           html`<dt>Trainee</dt>
-            <dd>${d.trainee}; the station named ${session.given_trainee}, a manager ${
+            <dd>${traineeName(d)}; the station named ${session.given_trainee}, a manager ${
               session.given_trainee === d.trainee ? 'confirmed' : 'assigned'
             } it</dd>`
         }

@@ -1,4 +1,5 @@
 // Sessions, newest first.
+import { traineeName } from '../lib/lab.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { clock, moment } from '../lib/time.js';
@@ -96,7 +97,7 @@ export function SessionsPage({ query, person }) {
                 <th scope="row">
                   <a href=${href(['sessions', s.description.session_id])}>${moment(s.description.started_unix_ms)}</a>
                 </th>
-                <td>${s.description.trainee} ${s.unknown_trainee && html`<${Mark} kind="warn">${whyItWaits(s)[0]}<//>`}</td>
+                <td>${traineeName(s.description)} ${s.unknown_trainee && html`<${Mark} kind="warn">${whyItWaits(s)[0]}<//>`}</td>
                 <td>${nameOf(s.description.exercise_id)}</td>
                 <td>${s.description.station}</td>
                 <td class="number">${clock(s.samples / s.description.rate_hz)}</td>

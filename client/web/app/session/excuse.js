@@ -1,4 +1,5 @@
 // Excuses an attempt, for instance one in which the station failed: it does not count.
+import { traineeName } from '../lib/lab.js';
 import { sessions } from '../net/requests.js';
 import { announce, Dialog, Problem } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
@@ -11,10 +12,10 @@ function Reason({ attempt, close, done }) {
   const save = async (event) => {
     event.preventDefault();
     if (!(await action.run(() => sessions.excuse(attempt.session_id, true, reason.trim())))) return;
-    announce(`Attempt ${attempt.number} of ${attempt.trainee} does not count.`);
+    announce(`Attempt ${attempt.number} of ${traineeName(attempt)} does not count.`);
     done();
   };
-  return html`<${Dialog} title=${`Excuse attempt ${attempt.number} of ${attempt.trainee}?`} close=${close}>
+  return html`<${Dialog} title=${`Excuse attempt ${attempt.number} of ${traineeName(attempt)}?`} close=${close}>
     <form onSubmit=${save}>
       <p>It does not use up an allowed attempt. Recording and score stay; it can count again later.</p>
       <${TextField}
@@ -40,10 +41,10 @@ export function Excuse({ attempt, done }) {
   const action = useAction();
   const count = async () => {
     if (!(await action.run(() => sessions.excuse(attempt.session_id, false, '')))) return;
-    announce(`Attempt ${attempt.number} of ${attempt.trainee} counts again.`);
+    announce(`Attempt ${attempt.number} of ${traineeName(attempt)} counts again.`);
     done();
   };
-  const which = `attempt ${attempt.number} of ${attempt.trainee}`;
+  const which = `attempt ${attempt.number} of ${traineeName(attempt)}`;
   return html`
     ${
       attempt.excused

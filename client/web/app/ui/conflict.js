@@ -1,14 +1,9 @@
 // Two people changed the same document: both versions, field by field; nothing is lost.
+import { placeWords, valueWords } from '../lib/plain_words.js';
 import { moment } from '../lib/time.js';
 import { counted } from '../lib/units.js';
 import { html, useState } from './html.js';
 import { Dialog, Table } from './widgets.js';
-
-/** A value of a document as text for a table. */
-export function valueText(value) {
-  if (value === undefined) return '(nothing)';
-  return typeof value === 'string' ? value : JSON.stringify(value);
-}
 
 /** @param {{conflict: any, settle: (choice: any, and_save: boolean) => void, close: () => void}} props */
 export function ConflictDialog({ conflict, settle, close }) {
@@ -32,8 +27,8 @@ export function ConflictDialog({ conflict, settle, close }) {
         </div>
         <${Table} caption="Fields that both changed" head=${['Field', 'Before', 'Mine', 'Theirs']}>${clashes.map(
           (clash) => html`<tr key=${clash.path}>
-            <th scope="row"><code>${clash.path || 'all'}</code></th>
-            <td class="long">${valueText(clash.base)}</td>
+            <th scope="row">${placeWords(clash.path)}</th>
+            <td class="long">${valueWords(clash.base, clash.path)}</td>
             ${['mine', 'theirs'].map(
               (side) => html`<td class="long">
                 <label class="side">
@@ -42,8 +37,8 @@ export function ConflictDialog({ conflict, settle, close }) {
                     name=${'side-' + clash.path}
                     checked=${choice[clash.path] === side}
                     onChange=${() => setChoice({ ...choice, [clash.path]: side })}
-                    aria-label=${`${side === 'mine' ? 'Keep mine' : 'Take theirs'} for ${clash.path}: ${valueText(clash[side])}`}
-                  /> ${valueText(clash[side])}
+                    aria-label=${`${side === 'mine' ? 'Keep mine' : 'Take theirs'} for ${placeWords(clash.path)}: ${valueWords(clash[side], clash.path)}`}
+                  /> ${valueWords(clash[side], clash.path)}
                 </label>
               </td>`,
             )}
@@ -58,9 +53,9 @@ export function ConflictDialog({ conflict, settle, close }) {
         <${Table} caption="Their changes" head=${['Field', 'Before', 'Now']}>${taken.map(
           (c) =>
             html`<tr key=${c.path}>
-              <th scope="row"><code>${c.path}</code></th>
-              <td class="long">${valueText(c.before)}</td>
-              <td class="long">${valueText(c.after)}</td>
+              <th scope="row">${placeWords(c.path)}</th>
+              <td class="long">${valueWords(c.before, c.path)}</td>
+              <td class="long">${valueWords(c.after, c.path)}</td>
             </tr>`,
         )}<//>
       `

@@ -1,14 +1,16 @@
 // Fields of forms, each with label, unit, help and problem. `path` finds the problems that the server reports for the
 // field.
-import { fieldUnit, messageIn, shown, typed, unitAt } from '../lib/units.js';
+import { called, placeWords, problemWords } from '../lib/plain_words.js';
+import { fieldUnit, shown, typed } from '../lib/units.js';
 import { html, useEffect, useId, useLayoutEffect, useRef, useState } from './html.js';
 import { isWithin, valueAt, withValue } from '../lib/paths.js';
 import { shownOf } from '../lib/shape.js';
 
 /** @typedef {{path: string, message: string, severity?: string}} FieldProblem */
 
-/** @param {FieldProblem[]|undefined} problems @param {string} path */
-export const problemsAt = (problems, path) => (problems ?? []).filter((p) => p.path === path);
+const at = (problems, path) => (problems ?? []).filter((p) => p.path === path);
+/** Those at `path`, in the words of the form. @param {FieldProblem[]|undefined} problems @param {string} path */
+export const problemsAt = (problems, path) => at(problems, path).map((p) => ({ ...p, message: problemWords(p) }));
 
 /** A label with its field, help and problems. */
 export function Frame({ id, label, unit, help, problems, wide, children }) {
@@ -34,6 +36,7 @@ export const described = (id, help, problems) =>
 /** @param {{label: string, value: string, onValue: (text: string) => void, path?: string, problems?: FieldProblem[], [more: string]: any}} props */
 export function TextField({ label, value, onValue, path = '', problems, help, wide, rows, type = 'text', ...more }) {
   const id = useId();
+  called(path, label);
   const mine = problemsAt(problems, path);
   const shared = {
     id,
@@ -80,10 +83,10 @@ export function NumberField({
     in_factor.current = factor;
   }, [value, factor]);
   const bad = typed(text, factor) === null;
-  const said = problemsAt(problems, path);
+  called(path, label);
   const mine = [
     ...(bad ? [{ path, message: `“${text}” is not a number; write it like 3.5` }] : []),
-    ...said.map((p) => ({ ...p, message: messageIn(p.message, { factor, unit, si }) })),
+    ...at(problems, path).map((p) => ({ ...p, message: problemWords(p, { factor, unit, si }) })),
   ];
   useEffect(() => {
     onBad?.(path, bad);
@@ -119,6 +122,7 @@ export function NumberField({
  */
 export function SelectField({ label, value, options, onValue, path = '', problems, help, wide, ...more }) {
   const id = useId();
+  called(path, label);
   const mine = problemsAt(problems, path);
   const given = value ?? '';
   const others = options.some(([key]) => key === given)
@@ -181,7 +185,7 @@ export function ProblemList({ problems }) {
     html`<ul>${items.map(
       (p) =>
         html`<li>
-          <button type="button" class="link" onClick=${() => go(p.path)}>${p.path || 'document'}</button>: ${messageIn(p.message, unitAt(p.path))}
+          <button type="button" class="link" onClick=${() => go(p.path)}>${placeWords(p.path)}</button>: ${problemWords(p)}
         </li>`,
     )}</ul>`;
   return html`<div class="problem-list" role="status" aria-label="Problems of this form">
@@ -218,7 +222,7 @@ export function Broken({ f, path }) {
   const fault = f.faultAt(path);
   if (!fault) return null;
   return html`<p class="error">
-    ✗ <code>${path}</code> ${fault.message}. <button type="button" class="link" onClick=${focusJson}>Fix it in the JSON</button>
+    ✗ ${placeWords(path)} ${problemWords(fault)}. <button type="button" class="link" onClick=${focusJson}>Fix it in the JSON</button>
   </p>`;
 }
 
@@ -267,10 +271,12 @@ export function formOf({ doc: whole, shape, change, problems: said, onBad, reado
       disabled=${readonly}
       ...${more}
     />`;
-  const vector = (path, label, more = {}) =>
-    html`<div class="vector" role="group" aria-label=${label}>${['x', 'y', 'z'].map((axis) =>
+  const vector = (path, label, more = {}) => {
+    called(path, label);
+    return html`<div class="vector" role="group" aria-label=${label}>${['x', 'y', 'z'].map((axis) =>
       number(`${path}.${axis}`, `${label} ${axis}`, more),
     )}</div>`;
+  };
   const at = (path) => valueAt(doc, path);
   return { doc, change, number, text, select, vector, set, edit, at, faultAt, readonly, problems };
 }

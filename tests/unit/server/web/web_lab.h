@@ -6,6 +6,7 @@
 
 #include <fstream>
 #include <functional>
+#include <regex>
 #include <string>
 
 #include "server/web/routes.h"
@@ -105,9 +106,20 @@ inline WebReply fits(const std::string& method, const std::string& path, WebRepl
   }
   return reply;
 }
+/// Whether a message has no id, enumerator or long number: each message of a handler that a test provokes is
+/// shown to a person (common/base/text/plain_words.h). Names of fields are the console's to translate.
+inline void expectPlain(const std::string& asked, const WebReply& reply) {
+  if (reply.status < 400 || !reply.json().contains("error")) return;
+  const std::string message = reply.json()["error"].value("message", "");
+  static const std::regex kRaw("[0-9a-f]{8}-[0-9a-f]{4}-|[A-Z]{2,}_[A-Z]|\\d\\.\\d{7}|\\d{10}");
+  EXPECT_FALSE(std::regex_search(message, kRaw)) << asked << ": " << message;
+}
+
 inline WebReply askChecked(Browser& browser, const std::string& method, const std::string& path,
                            const std::string& body = {}, WebHeaders headers = {}) {
-  return fits(method, path, browser.ask(method, path, body, std::move(headers)));
+  WebReply reply = fits(method, path, browser.ask(method, path, body, std::move(headers)));
+  expectPlain(method + " " + path, reply);
+  return reply;
 }
 
 }  // namespace needlelab::test

@@ -32,12 +32,19 @@ json tileOf(const std::string& text, const std::string& station) {
 
 TEST(WebLive, aViewerThatNeverReadsDelaysNoOtherViewer) {
   WebLab lab;
+  Browser ada = lab.browserOf("ada");
+  ASSERT_EQ(askChecked(ada, "PATCH", "/api/v1/people/tina", R"({"full_name": "Tina Maier"})",
+                       {{"Origin", "https://localhost"}, {"If-Match", "\"1\""}})
+                .status,
+            200);
   auto station = lab.server().connect(ofStation(lab.stationKey()));
   ASSERT_TRUE(station.ok());
   const FakeSession session("bench");
   ASSERT_TRUE(station->send(session.open()).ok());
   (void)waitFor(*station, [](const pb::Envelope& e) { return e.has_session_opened(); });
   Browser ines = lab.browserOf("ines"), mara = lab.browserOf("mara");
+  const json sessions = askChecked(ines, "GET", "/api/v1/sessions").json();
+  EXPECT_EQ(sessions["items"][0]["description"]["trainee_full_name"], "Tina Maier");
   const auto first = ines.live(), second = mara.live(), silent = ines.live();
   ASSERT_TRUE(first && second && silent);
   pb::Envelope envelope;
@@ -64,7 +71,8 @@ TEST(WebLive, aViewerThatNeverReadsDelaysNoOtherViewer) {
       EXPECT_EQ(tile["peak_force_n"], std::max(force, force == 0.5 ? 2.5 : force));
       EXPECT_EQ(tile["online"], true);
       EXPECT_EQ(tile["trainee"], "tina");
-      EXPECT_EQ(tile["phase"], "INSERTING");
+      EXPECT_EQ(tile["trainee_full_name"], "Tina Maier");
+      EXPECT_EQ(tile["phase"], "going in");
     }
   }
 }

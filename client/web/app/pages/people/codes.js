@@ -33,7 +33,7 @@ export function CodeForm({ shown, load }) {
     event.preventDefault();
     ask({ code }, true, `The code of ${name} was set.`);
   };
-  const fault = action.error?.field === 'code' ? [{ path: 'code', message: action.error.message }] : [];
+  const fault = action.error?.field === 'code' ? [{ path: 'code', message: action.error.said }] : [];
   return html`<form onSubmit=${save}>
     <fieldset>
       <legend>Code</legend>

@@ -27,7 +27,7 @@ const kShownMembers = 100;
 function AddGroup({ close }) {
   const [entry, setEntry] = useState({ id: '', name: '' });
   const action = useAction();
-  const problems = action.error?.field ? [{ path: action.error.field, message: action.error.message }] : [];
+  const problems = action.error?.field ? [{ path: action.error.field, message: action.error.said }] : [];
   const save = async (event) => {
     event.preventDefault();
     if (await action.run(() => groups.add({ ...entry, members: [] }))) location.hash = href(['groups', entry.id]);

@@ -15,7 +15,7 @@ export function AddPerson({ role, close, done }) {
     value: entry[key],
     onValue: (value) => setEntry({ ...entry, [key]: value }),
     path: key,
-    problems: action.error?.field ? [{ path: action.error.field, message: action.error.message }] : [],
+    problems: action.error?.field ? [{ path: action.error.field, message: action.error.said }] : [],
   });
   const save = async (event) => {
     event.preventDefault();

@@ -207,7 +207,7 @@ export function ConsentForm({ shown, load }) {
 export function PersonPage({ params, person: me }) {
   const load = useLoad((signal) => people.one(params.name, signal), [params.name]);
   return html`
-    <${Heading} title=${params.name} above=${html`<a href="#/people">People</a>`} />
+    <${Heading} title=${load.data?.full_name ? `${load.data.full_name} (${params.name})` : params.name} above=${html`<a href="#/people">People</a>`} />
     <${Loaded} load=${load}>${(shown) => html`
       <dl class="facts">
         <dt>Role</dt>

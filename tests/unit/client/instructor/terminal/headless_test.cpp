@@ -147,7 +147,7 @@ TEST_F(Headless, watchingWaitsForAStationToComeOnline) {
   const auto& update = output.updates.back();
   EXPECT_EQ(update["station"], "bench-1");
   EXPECT_EQ(update["trainee"], "tina");
-  EXPECT_EQ(update["phase"], "INSERTING");
+  EXPECT_EQ(update["phase"], "going in");
   EXPECT_NEAR(update["force_n"], 2, 1e-3);
   // counted from the first sample, tick 0, whatever the station's clock said then: a frame's last tick is 20
   // n + 19

@@ -34,7 +34,7 @@ TEST(UpdateLine, aPersonReadsMillimetresAndNewtons) {
   update.drops = 3;
   const std::string line = textLine(update);
   for (const char* part :
-       {"12.346 s", "bench-1", "tina", "INSERTING", "layer 3", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
+       {"12.346 s", "bench-1", "tina", "going in", "layer 3", "12.34 mm", "3.000 N", "7.2 ms", "drops 3"}) {
     EXPECT_THAT(line, HasSubstr(part));
   }
 }
@@ -98,7 +98,7 @@ TEST(UpdateLine, aStationWithoutALessonHasNoNeedle) {
   status.set_insertion_m(0.0179);
   status.set_session_id(std::string(16, 'a'));
   const auto during = nlohmann::json::parse(jsonLine(updateOf(status)));
-  EXPECT_EQ(during["phase"], "INSERTING");
+  EXPECT_EQ(during["phase"], "going in");
   EXPECT_EQ(during["layer"], 2);
   status.clear_session_id();
   for (const bool online : {true, false}) {
@@ -162,7 +162,7 @@ TEST(UpdateLine, overviewsTellOfflineAndIdle) {
   status.set_online(true);
   EXPECT_THAT(textLine(updateOf(status)), HasSubstr("idle"));
   status.set_session_id(std::string(16, '\x01'));
-  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("FREE"));
+  EXPECT_THAT(textLine(updateOf(status)), HasSubstr("outside"));
 }
 
 }  // namespace

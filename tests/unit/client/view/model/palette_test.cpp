@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/phase_words.h"
 
 namespace needlelab {
 namespace {

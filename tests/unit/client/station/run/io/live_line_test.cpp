@@ -42,7 +42,7 @@ std::string readAll(int file) {
 
 TEST(LiveLine, tellsPlaceForceTimingSpoolAndServer) {
   EXPECT_EQ(liveText(example()),
-            "1:07  INSERTING layer 3 23.4 mm 0.50 N | wake-up p50 25 p99 46 max 452 µs, 3 missed | "
+            "1:07  going in layer 3 23.4 mm 0.50 N | wake-up p50 25 p99 46 max 452 µs, 3 missed | "
             "spool 2 chunks | server away");
   LiveView outside = example();
   outside.sample.phase = static_cast<std::uint8_t>(Phase::kFree);
@@ -50,7 +50,7 @@ TEST(LiveLine, tellsPlaceForceTimingSpoolAndServer) {
   EXPECT_THAT(liveText(outside), Not(HasSubstr("mm")));
   LiveView named = example();
   named.layer = "muscle";
-  EXPECT_THAT(liveText(named), HasSubstr("INSERTING muscle 23.4 mm"));
+  EXPECT_THAT(liveText(named), HasSubstr("going in muscle 23.4 mm"));
 }
 
 TEST(LiveLine, showsTheAidsThatTheExerciseAllows) {
@@ -66,9 +66,9 @@ TEST(LiveLine, showsTheAidsThatTheExerciseAllows) {
 TEST(LiveLine, aFaultComesFirstAndOtherwiseAHold) {
   LiveView view = example();
   view.hold = "the dead-man switch is released";
-  EXPECT_THAT(liveText(view), HasSubstr("1:07  NO FORCE: the dead-man switch is released | INSERTING"));
+  EXPECT_THAT(liveText(view), HasSubstr("1:07  NO FORCE: the dead-man switch is released | going in"));
   view.fault = Fault::kEmergencyStop;
-  EXPECT_THAT(liveText(view), HasSubstr("1:07  FAULT: the emergency stop is pressed | INSERTING"));
+  EXPECT_THAT(liveText(view), HasSubstr("1:07  FAULT: the emergency stop is pressed | going in"));
   EXPECT_THAT(liveText(view), Not(HasSubstr("NO FORCE")));
 }
 
@@ -165,7 +165,7 @@ TEST_F(LiveViewerTest, showsTheNewestTickOfTheLoop) {
   EXPECT_EQ(seen.missed_ticks, 2u);
   EXPECT_EQ(seen.wakeup.total, 349u);
   EXPECT_GE(seen.wakeup.max_ns, 2 * kTick_ns);
-  EXPECT_THAT(liveText(seen), HasSubstr("0:00  INSERTING skin 6.0 mm 1.00 N"));
+  EXPECT_THAT(liveText(seen), HasSubstr("0:00  going in skin 6.0 mm 1.00 N"));
 }
 
 }  // namespace
