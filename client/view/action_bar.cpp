@@ -87,7 +87,9 @@ std::optional<int> Question::show(const char* text, std::span<const ScreenAction
   auto chosen = actionButtons(actions, 0, true);
   ImGui::EndDisabled();
   if (shown_ && !chosen) chosen = actionByKey(actions);
-  if (chosen) {
+  const bool withdrawn = std::exchange(withdrawn_, false);
+  if (withdrawn) chosen.reset();
+  if (chosen || withdrawn) {
     ImGui::CloseCurrentPopup();
     asked_ = shown_ = false;
   }

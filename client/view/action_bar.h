@@ -37,6 +37,12 @@ class Question {
   explicit Question(const char* title) : title_(title) {}
   /// Drawn from the next `show` on.
   void ask() { opens_ = asked_ = true; }
+  void ask(const char* title) {
+    title_ = title;
+    ask();
+  }
+  /// Closes it without an answer.
+  void withdraw() { withdrawn_ = asked_; }
   /// Returns whether the question is open.
   [[nodiscard]] bool asked() const { return asked_; }
   /// Returns whether the last frame showed the question, so that it can be answered.
@@ -46,7 +52,7 @@ class Question {
 
  private:
   const char* title_;
-  bool opens_ = false, asked_ = false, shown_ = false;
+  bool opens_ = false, asked_ = false, shown_ = false, withdrawn_ = false;
   AnswerGate gate_;
 };
 

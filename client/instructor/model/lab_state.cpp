@@ -115,6 +115,7 @@ void LabState::update(double now_s) {
     if (live_) live_->onStatus(status);
   }
   overview.tick(now_s);
+  if (link_.phase == LinkPhase::kOnline) requestVerdicts();
   if (live_) {
     for (const LiveArrival& arrival : news.frames) live_->feed(arrival);
     requestScene();
@@ -144,6 +145,16 @@ void LabState::requestScene() {
     // this lesson's exercise may be new or changed
     readExercises();
   });
+}
+
+void LabState::requestVerdicts() {
+  for (const std::string& session : overview.verdictsToRequest(now_s_)) {
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(session);
+    connection_.ask(request, [this, alive = std::weak_ptr(alive_)](Result<pb::Reply> reply) {
+      if (!alive.expired() && reply.ok()) overview.takeVerdict(reply->session());
+    });
+  }
 }
 
 std::string LabState::exerciseName(const std::string& id) const {

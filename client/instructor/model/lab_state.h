@@ -131,6 +131,8 @@ class LabState {
   /// The watched lesson's exercise; null if unknown.
   [[nodiscard]] const pb::Exercise* exerciseNow() const;
   void requestScene();
+  /// Of the lessons that have ended, for their tiles.
+  void requestVerdicts();
   LinkState link_;
   bool inside_ = false;
   LinkPhase phase_before_ = LinkPhase::kLoggedOut;

@@ -27,7 +27,8 @@ void tileLines(const LabState& lab, const StationTile& tile, float inner, float 
   {
     WithTextColour dim(tile.stale || !tile.online ? kDimText : kText);
     textLine(lessonWords(tile, lab.exerciseName(tile.exercise)), inner);
-    textLine(needsHelp(tile.need) ? tile.why : depthWords(tile), inner);
+    const std::string state = needsHelp(tile.need) ? tile.why : depthWords(tile);
+    if (!state.empty()) textLine(state, inner);
   }
   // current force with its limit and peak, and the last seconds as a line
   if (tile.online && !tile.session_id.empty()) {
@@ -43,6 +44,10 @@ void tileLines(const LabState& lab, const StationTile& tile, float inner, float 
                 {inner - bar - 1.5F * space(), ImGui::GetFontSize() * 1.35F});
     }
   }
+  if (const std::string verdict = verdictWords(tile); !verdict.empty()) {
+    WithTextColour colour(tile.passed.value_or(true) ? kText : styleOf(Condition::kAttention).colour);
+    textLine(verdict, inner);
+  }
   WithTextColour dim(tile.missed_ticks > 0 && tile.online ? kOrange : kDimText);
   ImGui::SetCursorPosY(height_px - ImGui::GetFontSize() - 1.1F * space());
   textLine(healthWords(tile), inner);
@@ -53,7 +58,7 @@ enum class TileClick { kNone, kOpen, kSeen };
 
 TileClick stationTile(const LabState& lab, const StationTile& tile, float width_px) {
   const float height_px = tileHeight_px();
-  const ConditionStyle& style = styleOf(conditionOf(tile.need));
+  const ConditionStyle& style = styleOf(conditionOf(tile));
   const bool calls = needsHelp(tile.need);
   ImGui::PushID(tile.station.c_str());
   ImGui::PushStyleColor(ImGuiCol_Border, colourOf(calls ? style.colour : kLineGrey));

@@ -82,7 +82,7 @@ class LessonFetch {
   auto askWithCode(Ask&& ask);
   void keepAsksCode(bool asks) const;
   Status checkTrainee();
-  Status mayBeginAlone(const pb::Lesson& lesson) const;
+  Status mayBeginAlone(pb::Lesson& lesson) const;
   [[nodiscard]] Error needsServer() const;
 
   StationHome& home_;
@@ -157,7 +157,7 @@ Status LessonFetch::checkTrainee() {
 }
 
 // counts an exam's attempts as far as this station knows them; the server counts them all
-Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
+Status LessonFetch::mayBeginAlone(pb::Lesson& lesson) const {
   const Curriculum kept = CurriculumCache(options_.spool, options_.key_file).find();
   const TraineeStanding* const standing = standingIn(kept, options_.trainee);
   const ServerExercise* const exercise = exerciseIn(kept, options_.exercise);
@@ -177,6 +177,7 @@ Status LessonFetch::mayBeginAlone(const pb::Lesson& lesson) const {
       return Error{ErrorCode::kDenied, name + ": no attempt is left; ask the instructor"};
     if (!step.locked_by.empty())
       return Error{ErrorCode::kDenied, name + " is still locked: others of the exam come first"};
+    if (step.attempts_left) lesson.set_attempts_left(*step.attempts_left);
   }
   return {};
 }

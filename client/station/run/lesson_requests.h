@@ -36,6 +36,11 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     acknowledged_ = true;
   }
+  /// The trainee begins the exam that waits (LessonObserver::examWaits).
+  void beginExam() {
+    const std::scoped_lock lock(mutex_);
+    begins_exam_ = true;
+  }
   /// The needle's cap: off, or on again.
   void switchCap() {
     const std::scoped_lock lock(mutex_);
@@ -54,6 +59,10 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     return std::exchange(acknowledged_, false);
   }
+  bool takeExamBegin() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(begins_exam_, false);
+  }
   bool takeCapSwitch() {
     const std::scoped_lock lock(mutex_);
     return std::exchange(switches_cap_, false);
@@ -67,14 +76,14 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     stop_.reset();
     aids_.reset();
-    acknowledged_ = switches_cap_ = false;
+    acknowledged_ = begins_exam_ = switches_cap_ = false;
   }
 
  private:
   std::mutex mutex_;
   std::optional<StopCause> stop_;
   std::optional<ChosenAids> aids_;
-  bool acknowledged_ = false, switches_cap_ = false;
+  bool acknowledged_ = false, begins_exam_ = false, switches_cap_ = false;
 };
 
 }  // namespace needlelab

@@ -61,6 +61,7 @@ Status StationRun::prepare() {
   home_.requests().clear();
   const std::pair<const char*, Status (StationRun::*)()> steps[] = {
       {"fetching the exercise", &StationRun::getLesson},
+      {"waiting for the exam to begin", &StationRun::waitForExam},
       {"choosing the device", &StationRun::chooseDevice},
       {"measuring what the scene costs", &StationRun::measureEffects},
       {"opening the device", &StationRun::openDevice},
@@ -89,7 +90,22 @@ Status StationRun::getLesson() {
   code_checked_ = fetched.code_checked;
   code_unchecked_ = fetched.code_unchecked;
   person_ = fetched.person;
+  // --seconds counts from the first tick, an exercise's time limit from the needle's first contact
+  limit_from_start_ = options_.seconds > 0;
+  time_limit_s_ = limit_from_start_  ? options_.seconds
+                  : lesson_.exercise ? lesson_.exercise->time_limit_s()
+                                     : 0;
   return {};
+}
+
+// an attempt counts as soon as its session begins
+Status StationRun::waitForExam() {
+  if (!asks_exam_ || !lesson_.exam) return {};
+  home_.observer().examWaits(examTerms(lesson_, time_limit_s_));
+  while (!isStopped() && !home_.requests().takeExamBegin())
+    home_.time().sleepUntilNs(home_.time().nowNs() + std::chrono::nanoseconds(50ms).count());
+  home_.observer().examWaits({});
+  return interrupted_ || stopped_ ? Status(Error{ErrorCode::kFailed, "it was cancelled"}) : Status();
 }
 
 Status StationRun::chooseDevice() {
@@ -125,12 +141,6 @@ Status StationRun::measureEffects() {
 Status StationRun::openDevice() {
   RETURN_IF_ERROR(checkStiffness(lesson_.model, device_->info()));
   RETURN_IF_ERROR(device_->open(options_.rate_hz));
-
-  // --seconds counts from the first tick, an exercise's time limit from the needle's first contact
-  limit_from_start_ = options_.seconds > 0;
-  time_limit_s_ = limit_from_start_  ? options_.seconds
-                  : lesson_.exercise ? lesson_.exercise->time_limit_s()
-                                     : 0;
   return {};
 }
 

@@ -39,6 +39,8 @@ const char* nameOf(ShownQuestion question) {
       return "none";
     case ShownQuestion::kEndLesson:
       return "end-lesson";
+    case ShownQuestion::kBeginExam:
+      return "begin-exam";
     case ShownQuestion::kQuit:
       return "quit";
   }

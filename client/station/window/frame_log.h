@@ -15,7 +15,7 @@
 namespace needlelab {
 
 /// A question over the screen that can be answered.
-enum class ShownQuestion : std::uint8_t { kNone, kEndLesson, kQuit };
+enum class ShownQuestion : std::uint8_t { kNone, kEndLesson, kQuit, kBeginExam };
 
 inline constexpr Vec3 kNowhere_m{std::numeric_limits<double>::quiet_NaN(),
                                  std::numeric_limits<double>::quiet_NaN(),

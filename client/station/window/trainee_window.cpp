@@ -3,6 +3,7 @@
 #include <imgui/imgui.h>
 
 #include "client/station/run/io/terminal.h"
+#include "client/station/window/lessons/start_choice.h"
 #include "client/station/window/screens/station_actions.h"
 
 namespace needlelab {
@@ -32,6 +33,7 @@ ShownFrame TraineeWindow::shownFrame() const {
   frame.stage = state_.stage;
   const bool in_lesson = state_.stage == Stage::kLesson || state_.stage == Stage::kConcluding;
   frame.question = quit_question_.shown()                        ? ShownQuestion::kQuit
+                   : exam_question_.shown()                      ? ShownQuestion::kBeginExam
                    : in_lesson && lesson_screen_.isOfferingEnd() ? ShownQuestion::kEndLesson
                                                                  : ShownQuestion::kNone;
   frame.can_begin = !quit_question_.asked() && ((state_.stage == Stage::kStart && start_.canBegin()) ||
@@ -76,6 +78,7 @@ void TraineeWindow::frame() {
   const bool changed = board_.look(state_, seen_);
   follow();
   if (showScreen(changed, !quit_question_.asked())) askToQuit();
+  offerExam();
   showQuestion();
 }
 
@@ -105,6 +108,24 @@ bool TraineeWindow::showScreen(bool changed, bool keys) {
       return showFailed(state_, keys, may_quit_);
   }
   return false;
+}
+
+// a question to quit takes its place
+void TraineeWindow::offerExam() {
+  const bool waits = !state_.exam_terms.empty() && !exam_answered_;
+  if (waits && !exam_question_.asked() && !quit_question_.asked()) exam_question_.ask();
+  if (!waits) exam_question_.withdraw();
+  if (state_.exam_terms.empty()) exam_answered_ = false;
+  const auto& curriculum = state_.lists.curriculum;
+  const std::string& account = state_.choice.trainee;
+  const auto answer = exam_question_.show(
+      (exerciseName(state_.lists, state_.choice.exercise) + "\n" +
+       (curriculum ? shownName(curriculum->trainees, account) : account) + ": " + state_.exam_terms)
+          .c_str(),
+      beginExamActions());
+  exam_answered_ = exam_answered_ || answer;
+  if (answer == kActYes) requests_.beginExam();
+  if (answer == kActNo) requests_.stop({});
 }
 
 void TraineeWindow::showQuestion() {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include <fmt/core.h>
 
@@ -10,6 +11,7 @@
 #include "common/base/text/text.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/phase_words.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
@@ -23,7 +25,7 @@ constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTro
                                                        {"trouble", Condition::kAttention},
                                                        {"lost mid-lesson", Condition::kAttention},
                                                        {"waiting", Condition::kUnknown},
-                                                       {"done", Condition::kGood},
+                                                       {"done", Condition::kUnknown},
                                                        {"practising", Condition::kGood},
                                                        {"offline", Condition::kUnknown}}};
 
@@ -50,12 +52,13 @@ const AlarmKind* kindNamed(std::string_view name) {
 std::string_view nameOf(Need need) {
   return kNeeds[static_cast<std::size_t>(need)].word;
 }
-Condition conditionOf(Need need) {
-  return kNeeds[static_cast<std::size_t>(need)].condition;
+Condition conditionOf(const StationTile& tile) {
+  if (tile.need == Need::kDone && tile.passed) return *tile.passed ? Condition::kGood : Condition::kAttention;
+  return kNeeds[static_cast<std::size_t>(tile.need)].condition;
 }
 
 std::string lessonWords(const StationTile& tile, const std::string& exercise) {
-  if (tile.online && tile.session_id.empty() && tile.need != Need::kDone) return "no lesson";
+  if (tile.online && tile.session_id.empty() && tile.ended_session.empty()) return "no lesson";
   if (tile.trainee.empty()) return tile.online ? "name not known yet · " + exercise : std::string();
   return tile.trainee + " · " + exercise;
 }
@@ -67,6 +70,11 @@ std::string depthWords(const StationTile& tile) {
   const std::string where =
       tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
   return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, tip in " + where;
+}
+
+std::string verdictWords(const StationTile& tile) {
+  if (tile.ended_session.empty()) return {};
+  return tile.verdict.empty() ? "no verdict yet" : tile.verdict;
 }
 
 std::string forceWords(const StationTile& tile) {
@@ -121,17 +129,11 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   }
   entry.lost_in_lesson = false;
   if (status.session_id() != tile.session_id) {
-    if (had_lesson && status.session_id().empty()) entry.ended_s = now_s;
-    if (!status.session_id().empty()) {
-      entry.began_s = now_s;
-      entry.ended_s = -1e9;
-      entry.alarms.clear();
-      entry.seen.clear();
-      tile.trainee.clear();  // another trainee may be next
-      tile.exercise.clear();
-      tile.peak_force_N = 0;
-      tile.forces_N.clear();
+    if (had_lesson && status.session_id().empty()) {
+      entry.ended_s = now_s;
+      tile.ended_session = tile.session_id;
     }
+    if (!status.session_id().empty()) beginLesson(entry, now_s);
     tile.session_id = status.session_id();
   }
   if (!status.trainee().empty()) tile.trainee = printable(traineeName(status));
@@ -158,6 +160,30 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   judge(entry, now_s);
 }
 
+void LabOverview::beginLesson(Entry& entry, double now_s) {
+  StationTile& tile = entry.tile;
+  // alarms that nobody has seen stay, with the name of their trainee
+  std::erase_if(tile.alarms, [](const TileAlarm& alarm) { return alarm.seen; });
+  for (TileAlarm& alarm : tile.alarms) {
+    alarm.now = false;
+    if (!std::exchange(alarm.earlier, true))
+      alarm.words.insert(0, (tile.trainee.empty() ? "" : tile.trainee + ", ") + "earlier: ");
+  }
+  entry.earlier = tile.alarms;
+  entry.began_s = now_s;
+  entry.ended_s = -1e9;
+  entry.verdict_asked_s = -1e9;
+  entry.alarms.clear();
+  entry.seen.clear();
+  tile.trainee.clear();  // another trainee may be next
+  tile.exercise.clear();
+  tile.ended_session.clear();
+  tile.verdict.clear();
+  tile.passed.reset();
+  tile.peak_force_N = 0;
+  tile.forces_N.clear();
+}
+
 void LabOverview::judge(Entry& entry, double now_s) const {
   StationTile& tile = entry.tile;
   const bool lesson = !tile.session_id.empty();
@@ -174,19 +200,19 @@ void LabOverview::judge(Entry& entry, double now_s) const {
     tile.alarms.push_back({std::string(kind->name), std::string(kind->word) + " " + printable(count.detail()),
                            now, acknowledged, kind->danger});
   }
-  const auto alarm =
-      std::find_if(tile.alarms.begin(), tile.alarms.end(), [](const TileAlarm& each) { return !each.seen; });
-  if (!tile.online) {
-    tile.need = entry.lost_in_lesson ? Need::kLost : Need::kOffline;
-    if (entry.lost_in_lesson) tile.why = "the lesson continues at the station and is stored there";
-    return;
-  }
-  if (lesson && tile.fault != 0) {
+  tile.alarms.insert(tile.alarms.end(), entry.earlier.begin(), entry.earlier.end());
+  const auto isNew = [](const TileAlarm& each) { return !each.seen; };
+  const auto unseen = std::count_if(tile.alarms.begin(), tile.alarms.end(), isNew);
+  if (lesson && tile.online && tile.fault != 0) {
     tile.need = Need::kFault;
     tile.why = faultText(static_cast<Fault>(tile.fault));
-  } else if (alarm != tile.alarms.end()) {
+  } else if (unseen > 0) {
     tile.need = Need::kAlarm;
-    tile.why = alarm->words;
+    tile.why = std::find_if(tile.alarms.begin(), tile.alarms.end(), isNew)->words;
+    if (unseen > 1) tile.why += fmt::format("; {} more", unseen - 1);
+  } else if (!tile.online) {
+    tile.need = entry.lost_in_lesson ? Need::kLost : Need::kOffline;
+    if (entry.lost_in_lesson) tile.why = "the lesson continues at the station and is stored there";
   } else if (!tile.trouble.empty()) {
     tile.need = Need::kTrouble;
     tile.why = tile.trouble;
@@ -200,7 +226,33 @@ void LabOverview::judge(Entry& entry, double now_s) const {
 void LabOverview::acknowledge(const std::string& station) {
   const auto found = entries_.find(station);
   if (found == entries_.end()) return;
-  for (const pb::AlarmCount& count : found->second.alarms) found->second.seen[count.alarm()] = count.begun();
+  Entry& entry = found->second;
+  for (const pb::AlarmCount& count : entry.alarms) entry.seen[count.alarm()] = count.begun();
+  for (TileAlarm& alarm : entry.tile.alarms) alarm.seen = true;
+  entry.earlier.clear();
+}
+
+std::vector<std::string> LabOverview::verdictsToRequest(double now_s) {
+  std::vector<std::string> sessions;
+  for (auto& [name, entry] : entries_) {
+    const StationTile& tile = entry.tile;
+    if (tile.ended_session.empty() || !tile.verdict.empty()) continue;
+    if (now_s - entry.verdict_asked_s < kVerdictAgain_s) continue;
+    entry.verdict_asked_s = now_s;
+    sessions.push_back(tile.ended_session);
+  }
+  return sessions;
+}
+
+void LabOverview::takeVerdict(const pb::SessionInfo& session) {
+  if (session.score_json().empty()) return;
+  for (auto& [name, entry] : entries_) {
+    StationTile& tile = entry.tile;
+    if (tile.ended_session.empty() || tile.ended_session != session.description().session_id()) continue;
+    if (tile.trainee.empty()) tile.trainee = printable(session.description().trainee());
+    if (session.has_passed()) tile.passed = session.passed();
+    tile.verdict = session.has_passed() ? verdictName(session.passed()) : "no requirements";
+  }
 }
 
 void LabOverview::tick(double now_s) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -18,18 +19,17 @@ namespace needlelab {
 
 /// Reasons to look at a station, most urgent first.
 enum class Need : std::uint8_t {
-  kFault,       ///< the gate removed the force
-  kAlarm,       ///< of the gesture (common/scoring/alarms/alarms.h), until acknowledged
-  kTrouble,     ///< the station reports trouble: disk, device, loop
-  kLost,        ///< went offline during a lesson
-  kWaiting,     ///< online, without a lesson
-  kDone,        ///< a lesson ended within kDoneLasts_s
+  kFault,    ///< the gate removed the force
+  kAlarm,    ///< of the gesture (common/scoring/alarms/alarms.h), until acknowledged: also after the lesson
+  kTrouble,  ///< the station reports trouble: disk, device, loop
+  kLost,     ///< went offline during a lesson
+  kWaiting,  ///< online, without a lesson
+  kDone,     ///< a lesson ended within kDoneLasts_s
   kPractising,  ///< a lesson without problems
   kOffline,
 };
 inline constexpr std::size_t kNeedCount = 8;
 std::string_view nameOf(Need need);
-Condition conditionOf(Need need);
 /// For a filter: "help" is kFault … kLost.
 inline bool needsHelp(Need need) {
   return need <= Need::kLost;
@@ -37,19 +37,26 @@ inline bool needsHelp(Need need) {
 
 /// How long a tile keeps the need kDone.
 inline constexpr double kDoneLasts_s = 120;
+/// How soon the server is asked again for a verdict that it does not have yet.
+inline constexpr double kVerdictAgain_s = 2;
 /// A station without a status line for this long is stale. Lines come at 10 Hz, or slower with many stations.
 inline constexpr double kStale_s = 3;
 
 /// An alarm that is active, or that the instructor has not acknowledged.
 struct TileAlarm {
-  std::string name, words;  ///< "hazard"; "HAZARD axillary nerve"
+  std::string name, words;  ///< "hazard"; "HAZARD axillary nerve", "anna, earlier: HAZARD axillary nerve"
   bool now = false, seen = false, danger = false;
+  bool earlier = false;  ///< of a lesson before the tile's
 };
 
 /// The contents of a tile.
 struct StationTile {
-  std::string station, trainee, exercise;
-  std::string session_id;  ///< 16 bytes; empty: idle
+  std::string station;
+  std::string trainee, exercise;  ///< of the lesson; after it, until the next begins
+  std::string session_id;         ///< 16 bytes; empty: idle
+  std::string ended_session;      ///< likewise, of the lesson that ended here; empty: one runs, or none did
+  std::string verdict;            ///< on that lesson: "not passed"; empty: not known yet
+  std::optional<bool> passed;     ///< likewise; none: not known, or nothing is required
   bool online = false, stale = false, revoked = false;
   std::uint32_t phase = 0;
   int layer = -1;
@@ -57,7 +64,8 @@ struct StationTile {
   double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kUsualForceLimit_N;
   double lesson_s = 0;  ///< since the session's start if known, otherwise since its first status line
   std::uint32_t fault = 0;
-  std::vector<TileAlarm> alarms;  ///< most urgent first; without those that are over and acknowledged
+  /// Most urgent first, then those of earlier lessons; without those that are over and acknowledged.
+  std::vector<TileAlarm> alarms;
   std::string trouble;
   std::string server;  ///< of this station; empty if the lab has only one server
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
@@ -67,11 +75,15 @@ struct StationTile {
   std::deque<float> forces_N;  ///< from the last status lines, oldest first, for a sparkline
 };
 
-/// Trainee and exercise: "anna · Knee: suprapatellar recess". Idle (and no longer kDone): "no lesson". Until
-/// the server reports the trainee: "name not known yet · …". `exercise`: its name.
+/// A lesson that is done is as good as its verdict.
+Condition conditionOf(const StationTile& tile);
+/// Trainee and exercise, also after the lesson: "anna · Knee: suprapatellar recess". Before the first one:
+/// "no lesson". Until the server reports the trainee: "name not known yet · …". `exercise`: its name.
 std::string lessonWords(const StationTile& tile, const std::string& exercise);
 /// Needle position: "inserting, 12.3 mm, tip in fat"; empty without a lesson.
 std::string depthWords(const StationTile& tile);
+/// After a lesson: "not passed", "no verdict yet"; otherwise empty.
+std::string verdictWords(const StationTile& tile);
 /// "2.3 N, peak 3.1 N"
 std::string forceWords(const StationTile& tile);
 /// Short state of loop and connection: "loop: 99 % within 12 µs, 3 ticks missed, 2 chunks wait". Omits values
@@ -93,8 +105,13 @@ class LabOverview {
   void setStations(const pb::Stations& stations, double now_s);
   /// Takes a status line. `now_s`: the view's clock, ascending.
   void onStatus(const pb::StationStatus& status, double now_s);
-  /// Marks the station's alarms so far as seen by the instructor.
+  /// Marks the station's alarms so far as seen by the instructor, also those of earlier lessons.
   void acknowledge(const std::string& station);
+  /// Returns the ended sessions whose verdict to request from the server now (GetSession). Each call counts
+  /// as a request; an id comes again after kVerdictAgain_s.
+  [[nodiscard]] std::vector<std::string> verdictsToRequest(double now_s);
+  /// Takes a session from the server; does nothing before it is scored.
+  void takeVerdict(const pb::SessionInfo& session);
   /// Ages the tiles. Call it once a frame.
   void tick(double now_s);
   /// Marks all stations as stale until they send again.
@@ -115,9 +132,12 @@ class LabOverview {
     double began_s = 0;                         // time of the session's first status line
     std::vector<pb::AlarmCount> alarms;         // of the last status line
     std::map<std::string, std::uint32_t> seen;  // how many of each alarm the instructor acknowledged
+    std::vector<TileAlarm> earlier;             // of earlier lessons, not acknowledged
     double ended_s = -1e9;                      // end of the last lesson
+    double verdict_asked_s = -1e9;
     bool lost_in_lesson = false;
   };
+  static void beginLesson(Entry& entry, double now_s);
   void judge(Entry& entry, double now_s) const;
   std::map<std::string, Entry> entries_;
 };

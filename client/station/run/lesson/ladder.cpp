@@ -83,10 +83,6 @@ class StepMaker {
   std::map<std::string, const StepStanding*> standings_;
 };
 
-std::string attemptsLeftText(std::uint32_t left) {
-  return left == 0 ? "no attempt left" : left == 1 ? "1 attempt left" : fmt::format("{} attempts left", left);
-}
-
 /// For a step that is not done. The console and `needlelab-admin results` use the same words.
 std::string triedText(std::uint32_t attempts) {
   return attempts == 0   ? "not begun"
@@ -95,6 +91,10 @@ std::string triedText(std::uint32_t attempts) {
 }
 
 }  // namespace
+
+std::string attemptsLeftText(std::uint32_t left) {
+  return left == 0 ? "no attempt left" : left == 1 ? "1 attempt left" : fmt::format("{} attempts left", left);
+}
 
 Ladder ladderOf(const Curriculum& curriculum, const std::string& trainee, std::int64_t now_unix_ns) {
   const auto known = curriculum.standings.find(trainee);

@@ -51,6 +51,8 @@ struct Ladder {
 
 Ladder ladderOf(const Curriculum& curriculum, const std::string& trainee, std::int64_t now_unix_ns);
 
+/// "1 attempt left", "no attempt left".
+std::string attemptsLeftText(std::uint32_t left);
 /// "exam · Next · not passed, 3 attempts · due soon: 2026-11-24 12:00 · 2 attempts left"; empty if nothing is
 /// known.
 std::string stepText(const LadderStep& step);

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "client/device/hand/hand_options.h"
+#include "client/station/run/lesson/ladder.h"
+#include "client/view/model/plot.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
@@ -87,6 +89,15 @@ std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) 
     if (anatomy.landmark) targets.back().landmark_W_m = anatomy.landmark->nearest(entry.value_or(tip_W_m));
   }
   return targets;
+}
+
+std::string examTerms(const StationLesson& lesson, double time_limit_s) {
+  std::string terms = lesson.attempts_left ? attemptsLeftText(*lesson.attempts_left) + ", " : "";
+  if (time_limit_s > 0)
+    terms += (std::fmod(time_limit_s, 60) == 0 ? fmt::format("{:.0f}", time_limit_s / 60)
+                                               : clockText(time_limit_s)) +
+             " min, ";
+  return terms + "counts";
 }
 
 std::vector<std::string> liveEffects(const SceneModel& model) {

@@ -61,6 +61,9 @@ LiveAids aidsOf(const AidList& aids);
 /// Returns the tip's position for an injection into each target of the profile, in W (tipForTarget).
 std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL);
 
+/// What a trainee must know before an exam begins: "1 attempt left, 5 min, counts".
+std::string examTerms(const StationLesson& lesson, double time_limit_s);
+
 /// Returns the names of the live effects, e.g. CUTTING.
 std::vector<std::string> liveEffects(const SceneModel& model);
 

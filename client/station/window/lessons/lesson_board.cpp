@@ -84,6 +84,10 @@ void LessonBoard::preparing(const std::string& what) {
   change([&](BoardState& state) { state.preparing = what; });
 }
 
+void LessonBoard::examWaits(const std::string& terms) {
+  change([&](BoardState& state) { state.exam_terms = terms; });
+}
+
 void LessonBoard::began(std::shared_ptr<const LessonBeginning> beginning) {
   const auto aids = beginning->lesson.exercise ? aidsOfExercise(*beginning->lesson.exercise) : usualAids();
   change([&](BoardState& state) {

@@ -90,7 +90,9 @@ struct BoardState {
   bool server_away = false;
   LessonChoice choice;                        ///< the preselection; in a lesson, its choice
   std::string preparing;                      ///< the step, for a person
+  std::string exam_terms;                     ///< of the exam that waits for its trainee (examTerms)
   std::string trouble;                        ///< why the last attempt to begin failed
+  std::uint64_t troubles = 0;                 ///< counts up: the same trouble again has a new number
   std::optional<CodeQuestion> code_question;  ///< must be answered before the lesson can begin
   std::uint64_t lesson = 0;                   ///< counts up; 0: none yet
   std::shared_ptr<const LessonBeginning> beginning;
@@ -151,6 +153,7 @@ class LessonBoard final : public LessonObserver {
   [[nodiscard]] std::uint64_t droppedBatches() const;
 
   void preparing(const std::string& what) override;
+  void examWaits(const std::string& terms) override;
   void began(std::shared_ptr<const LessonBeginning> beginning) override;
   void status(const LessonStatus& status) override;
   void aids(const ChosenAids& chosen) override;

@@ -377,13 +377,14 @@ bool EndScreen::show(const BoardState& state, bool changed, const SceneView* sce
       const StationLesson& lesson = state.beginning->lesson;
       title = lesson.exercise ? lesson.exercise->name() : lesson.profile.name();
     }
-    textLine(title + ": how it went");
+    const bool exam = state.beginning && state.beginning->lesson.exam;
+    textLine(exam ? "Exam: " + title : title + ": how it went");
   }
   const float foot = 9.6F * space();
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   const float gap = ImGui::GetStyle().ItemSpacing.x;
   beginPanel("verdict", "", 0.5F * rest.x - gap, rest.y - foot);
-  showVerdict();
+  showVerdict(state.beginning ? lessonWord(state.beginning->lesson) : "lesson");
   endPanel();
   ImGui::SameLine();
   beginPanel("plots", "", 0, rest.y - foot);
@@ -394,7 +395,7 @@ bool EndScreen::show(const BoardState& state, bool changed, const SceneView* sce
   return quits;
 }
 
-void EndScreen::showVerdict() {
+void EndScreen::showVerdict(const std::string& what) {
   {
     const WithFont heading(Letters::kHeading);
     conditionLine(conditionOf(verdict_.kind), verdict_.title);
@@ -407,7 +408,7 @@ void EndScreen::showVerdict() {
     const WithFont small(Letters::kSmall);
     {
       const WithTextColour dim(kDimText);
-      textBlock("The lesson ended: " + verdict_.ended +
+      textBlock("The " + what + " ended: " + verdict_.ended +
                 (verdict_.by.empty() ? "." : "; " + verdict_.by + "."));
     }
     {

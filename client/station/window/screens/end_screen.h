@@ -74,7 +74,7 @@ class EndScreen {
 
  private:
   void take(const LessonOutcome& outcome);
-  void showVerdict();
+  void showVerdict(const std::string& what);
   void showMiss(const Miss& miss);
   void showPlots(const LessonOutcome& outcome, const SceneView* scene);
   bool showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board);

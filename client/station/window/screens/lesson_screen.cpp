@@ -239,7 +239,8 @@ int keyAxis(int plus, int minus) {
 // a lesson from a profile file has no exercise
 std::string titleOf(const LessonFollow& lesson) {
   const auto& exercise = lesson.beginning().lesson.exercise;
-  return exercise ? exercise->name() : lesson.beginning().lesson.profile.name();
+  return (lesson.beginning().lesson.exam ? "Exam: " : "") +
+         (exercise ? exercise->name() : lesson.beginning().lesson.profile.name());
 }
 
 void showHead(const BoardState& state, const LessonFollow& lesson) {
@@ -344,7 +345,7 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
     showDetails(lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad),
                 steering_.has_value(), corner, picture);
   lessonOverlay(state.status, keys && !end_question_.asked(), fault_gate_, requests, corner, picture);
-  if (keys) offerEnd(requests);
+  if (keys) offerEnd(lesson.beginning().lesson, requests);
   endScreen();
 }
 
@@ -402,9 +403,11 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
 }
 
 // asks first, because a single key press could end a lesson by mistake
-void LessonScreen::offerEnd(LessonRequests& requests) {
-  if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !end_question_.asked()) end_question_.ask();
-  if (end_question_.show("Everything up to here is kept and scored.", endLessonActions()) == kActYes)
+void LessonScreen::offerEnd(const StationLesson& lesson, LessonRequests& requests) {
+  if (ImGui::IsKeyPressed(GLFW_KEY_ESCAPE, false) && !end_question_.asked())
+    end_question_.ask(lesson.exam ? "End this exam?" : "End this lesson?");
+  if (end_question_.show("Everything up to here is kept and scored.", endLessonActions(lessonWord(lesson))) ==
+      kActYes)
     requests.stop({});
 }
 

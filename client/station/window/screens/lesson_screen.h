@@ -61,7 +61,7 @@ class LessonScreen {
   void showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px);
   void chooseView(const LessonFollow& lesson);
   void steer(const LessonFollow& lesson, bool hovered);
-  void offerEnd(LessonRequests& requests);
+  void offerEnd(const StationLesson& lesson, LessonRequests& requests);
 
   SceneRenderer& renderer_;
   UltrasoundView ultrasound_;

@@ -174,6 +174,7 @@ void StartScreen::showExercises() {
   if (const std::string as_of = choice_.asOf(); !as_of.empty())
     conditionLine(Condition::kAttention, as_of + ": it may have changed since");
   for (const ExerciseRow& exercise : choice_.exercises()) {
+    const float top_px = ImGui::GetCursorScreenPos().y;
     ImGui::PushID(index);
     if (!exercise.heading.empty()) {
       if (index > 0) ImGui::Spacing();
@@ -186,7 +187,6 @@ void StartScreen::showExercises() {
       const std::string number = exercise.number > 0 ? std::to_string(exercise.number) + ". " : "";
       if (ImGui::Selectable((number + exercise.name).c_str(), index == chosen)) choice_.chooseExercise(index);
     }
-    if (index == chosen && ImGui::IsWindowAppearing()) ImGui::SetScrollHereY();
     if (!exercise.note.empty()) {
       const WithFont small(Letters::kSmall);
       const WithTextColour colour(colourOfNote(exercise));
@@ -201,6 +201,13 @@ void StartScreen::showExercises() {
       ImGui::Unindent();
     }
     ImGui::PopID();
+    // what Enter begins is on the screen
+    if (index == chosen && scrolled_to_ != exercise.choice) {
+      scrolled_to_ = exercise.choice;
+      const float list_px = ImGui::GetWindowPos().y;
+      if (top_px < list_px || ImGui::GetCursorScreenPos().y > list_px + ImGui::GetWindowHeight())
+        ImGui::SetScrollHereY();
+    }
     ++index;
   }
 }
@@ -234,10 +241,10 @@ std::optional<int> StartScreen::showStation(const BoardState& state, bool may_qu
     conditionLine(Condition::kAttention,
                   "Next: " + exerciseName(state.lists, state.next->exercise) + " (" + state.next->from + ")");
   }
-  if (!state.trouble.empty()) {
+  if (!choice_.trouble().empty()) {
     ImGui::Spacing();
     const WithTextColour colour(styleOf(Condition::kTrouble).colour);
-    textBlock("The lesson did not start: " + state.trouble);
+    textBlock("The lesson did not start: " + choice_.trouble());
   }
   ImGui::Spacing();
   const std::string missing = choice_.missing();

@@ -32,6 +32,7 @@ class StartScreen {
   std::string typed_;      // the name's field: as shown
   std::string asked_for_;  // the trainee whose standing was requested last, and when
   std::int64_t asked_unix_ns_ = 0, updated_unix_ns_ = 0;
+  std::optional<LessonChoice> scrolled_to_;
   std::uint64_t code_question_ = 0;  // for which the code's field is open; 0: none
   bool in_empty_code_ = false;       // the code's field has the keys and is still empty
   bool fresh_ = true;

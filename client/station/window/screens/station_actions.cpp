@@ -24,9 +24,12 @@ std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit) {
     actions.push_back(
         {kActNext, "Next: " + exerciseName(state.lists, state.next->exercise) + " (" + state.next->from + ")",
          ActionKey::kEnter, "the next exercise", true});
-  actions.push_back({kActAgain, "Next try", state.next ? ActionKey::kNone : ActionKey::kEnter,
-                     state.next ? "" : "next try", true});
-  actions.push_back({kActOther, "Other exercise", ActionKey::kO, "other exercise", true});
+  const bool was_last = state.beginning && state.beginning->lesson.attempts_left.value_or(2) <= 1;
+  if (!was_last)
+    actions.push_back({kActAgain, "Next try", state.next ? ActionKey::kNone : ActionKey::kEnter,
+                       state.next ? "" : "next try", true});
+  actions.push_back({kActOther, "Other exercise", actions.empty() ? ActionKey::kEnter : ActionKey::kO,
+                     "other exercise", true});
   if (may_quit) actions.push_back({kActQuit, "Quit", ActionKey::kNone, "", true});
   return actions;
 }
@@ -45,9 +48,18 @@ std::vector<ScreenAction> faultActions() {
   return {{kActSeen, "Acknowledge", ActionKey::kEnter, "", true}};
 }
 
-std::vector<ScreenAction> endLessonActions() {
+std::vector<ScreenAction> beginExamActions() {
+  return {{kActNo, "Not now", ActionKey::kEnterOrEscape, "", true},
+          {kActYes, "Begin exam", ActionKey::kDelete, "", true}};
+}
+
+std::vector<ScreenAction> endLessonActions(const std::string& what) {
   return {{kActNo, "Continue", ActionKey::kEnterOrEscape, "", true},
-          {kActYes, "End lesson", ActionKey::kDelete, "", true}};
+          {kActYes, "End " + what, ActionKey::kDelete, "", true}};
+}
+
+std::string lessonWord(const StationLesson& lesson) {
+  return lesson.exam ? "exam" : "lesson";
 }
 
 std::vector<ScreenAction> quitActions() {
@@ -56,16 +68,17 @@ std::vector<ScreenAction> quitActions() {
 }
 
 std::string quitText(const BoardState& state) {
+  const std::string the_lesson = "The " + (state.beginning ? lessonWord(state.beginning->lesson) : "lesson");
   switch (state.stage) {
     case Stage::kLesson:
-      return "The lesson ends now. Everything up to here is kept and scored.";
+      return the_lesson + " ends now. Everything up to here is kept and scored.";
     case Stage::kPreparing:
       return "The lesson being prepared will not start.";
     case Stage::kConcluding:
     case Stage::kEnd:
       if (state.outcome && !state.outcome->stored.ok())
-        return "The lesson is over. " + state.outcome->stored.error().message;
-      return "The lesson is over. Its recording is kept.";
+        return the_lesson + " is over. " + state.outcome->stored.error().message;
+      return the_lesson + " is over. Its recording is kept.";
     case Stage::kOpening:
     case Stage::kStart:
     case Stage::kClosing:

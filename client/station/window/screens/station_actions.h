@@ -29,6 +29,7 @@ enum StationAct : int {
 /// `can_begin`: trainee, exercise and device are ready. A full-screen window has no close button of its own.
 std::vector<ScreenAction> startActions(bool can_begin, bool may_quit);
 /// After a lesson. Enter begins the suggested exercise, otherwise the next try, even after a failed lesson.
+/// If no attempt is left there is no next try.
 std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit);
 /// Returns what a key's action does after a lesson. `characters_typed`: since the screen came, although
 /// nothing is typed there: somebody, perhaps the next trainee, held a badge to the reader, which ends with
@@ -37,8 +38,12 @@ int endActionByKey(int action, bool characters_typed);
 /// When the station cannot work.
 std::vector<ScreenAction> failedActions(bool may_quit);
 std::vector<ScreenAction> faultActions();
-/// The answers to "End this lesson?"
-std::vector<ScreenAction> endLessonActions();
+/// The answers to "Begin the exam?"
+std::vector<ScreenAction> beginExamActions();
+/// The answers to "End this lesson?"; `what`: lessonWord.
+std::vector<ScreenAction> endLessonActions(const std::string& what = "lesson");
+/// "exam", or "lesson".
+std::string lessonWord(const StationLesson& lesson);
 /// The answers to "Quit?"
 std::vector<ScreenAction> quitActions();
 /// Returns what quitting does now to the lesson and its recording.

@@ -80,6 +80,15 @@ TEST_F(Pictures, lab) {
   say(5, "emil", [](auto& s) { s.clear_session_id(), s.clear_trainee(); });
   say(6, "fay",
       [](auto& s) { s.set_trouble("the disk is nearly full: 300 MB are left"), s.set_missed_ticks(12); });
+  say(7, "gus", {});
+  say(7, "gus", [](auto& s) { s.clear_session_id(), s.clear_trainee(); });
+  pb::SessionInfo failed;
+  failed.mutable_description()->set_session_id(std::string(16, 7));
+  failed.set_score_json("[]");
+  failed.set_passed(false);
+  lab_->overview.takeVerdict(failed);
+  say(8, "hal", [](auto& s) { addAlarm(s, "hazard", 1, true, "axillary nerve"); });
+  say(8, "ida", [](auto& s) { s.set_session_id("another-session-"); });
   looksAsIs("lab");
 }
 

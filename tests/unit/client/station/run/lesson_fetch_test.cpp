@@ -71,7 +71,12 @@ class LessonFetchTest : public testing::Test {
     return prepared.ok() ? std::string() : prepared.error().message;
   }
 
-  LessonObserver observer_;
+  struct SeesAttempts : LessonObserver {
+    std::optional<std::uint32_t> left;
+    void began(std::shared_ptr<const LessonBeginning> beginning) override {
+      left = beginning->lesson.attempts_left;
+    }
+  } observer_;
   TempFolder folder_;
   sigset_t signals_{};
   StationOptions options_;
@@ -85,6 +90,7 @@ TEST_F(LessonFetchTest, offLineAnExamHasAsManyAttemptsAsWereLeft) {
   for (int attempt = 0; attempt < 2; ++attempt) {
     const Status prepared = prepare();
     ASSERT_TRUE(prepared.ok()) << prepared.error().message;
+    EXPECT_EQ(observer_.left, 2u - static_cast<unsigned>(attempt)) << "with this one";
   }
   EXPECT_EQ(refusal(), "\"The ball\": no attempt is left; ask the instructor");
 }

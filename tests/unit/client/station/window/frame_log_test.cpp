@@ -53,7 +53,8 @@ TEST(FrameLog, namesEachScreenAndQuestion) {
       {Stage::kClosing, "closing"}, {Stage::kFailed, "failed"}};
   const std::pair<ShownQuestion, const char*> questions[] = {{ShownQuestion::kNone, "none"},
                                                              {ShownQuestion::kEndLesson, "end-lesson"},
-                                                             {ShownQuestion::kQuit, "quit"}};
+                                                             {ShownQuestion::kQuit, "quit"},
+                                                             {ShownQuestion::kBeginExam, "begin-exam"}};
   for (const auto& [stage, screen] : screens)
     for (const auto& [question, asked] : questions) {
       ASSERT_TRUE(log->add({stage, question}, 0).ok());

@@ -94,6 +94,7 @@ TEST_F(Screens, startWithTheServerAwayAndALessonThatDidNotBegin) {
     state.server_away = true;
     state.lists.exercises[1].cached_revision.reset();
     state.trouble = "exercise knee-recess was never fetched from a server";
+    state.troubles = 1;
     state.device = {"Virtuose 6D Desktop", "no library: install the vendor's package", false, true};
     state.next = SuggestedExercise{"ines", "knee-recess"};
   });
@@ -216,6 +217,53 @@ TEST_F(Screens, preparingCanBeCalledOff) {
     state.preparing = "fetching the exercise";
   });
   EXPECT_TRUE(looksLike(picture(), referenceOf("preparing")));
+}
+
+TEST_F(Screens, anExamAsksBeforeItBeginsAndIsCalledAnExam) {
+  showStart();
+  board_.change([](BoardState& state) { state.stage = Stage::kPreparing; });
+  board_.examWaits("1 attempt left, 5 min, counts");
+  EXPECT_TRUE(looksLike(picture(8), referenceOf("exam_question")));
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kBeginExam);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_FALSE(requests_.takeExamBegin());
+  EXPECT_TRUE(requests_.takeStop()) << "not now";
+  board_.examWaits({});
+  picture(8);
+  board_.examWaits("counts");
+  picture(8);
+  board_.examWaits({});  // an instructor stopped it
+  picture(8);
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
+  board_.examWaits("counts");
+  picture(8);
+  press(screen(), GLFW_KEY_DELETE);
+  EXPECT_TRUE(requests_.takeExamBegin());
+  picture(8);
+  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone) << "answered";
+  showEnd(false);
+  board_.change([](BoardState& state) {
+    auto exam = std::make_shared<LessonBeginning>(*state.beginning);
+    exam->lesson.exam = true;
+    exam->lesson.attempts_left = 1;
+    state.beginning = exam;
+  });
+  EXPECT_TRUE(looksLike(picture(), referenceOf("exam_end")));
+}
+
+TEST_F(Screens, theChosenExerciseOfALongListIsOnTheScreen) {
+  showStart();
+  board_.change([](BoardState& state) {
+    for (int i = 10; i < 60; ++i) {
+      ListedExercise& listed = state.lists.exercises.emplace_back();
+      listed.exercise_id = listed.name = std::to_string(i);
+      listed.cached_revision = 1;
+    }
+  });
+  picture();
+  board_.change([](BoardState& state) { state.choice.exercise = "58"; });
+  picture();
+  EXPECT_GT(changes([&] { board_.change([](BoardState& state) { state.choice.exercise = "57"; }); }), 5e-4);
 }
 
 TEST_F(Screens, lessonWithTheUsualAids) {

@@ -305,6 +305,11 @@ class LessonSequenceCodesTest : public LessonSequenceTest {
     return until(
         [lesson](const BoardState& state) { return state.stage == Stage::kEnd && state.lesson == lesson; });
   }
+  // tom's code was right, and the exam waits
+  void askForExam() {
+    begin("tom", "4711");
+    ASSERT_TRUE(until([](const BoardState& state) { return !state.exam_terms.empty(); })) << state_.trouble;
+  }
   // tom's first lesson, to its end
   void practiseAsTom() {
     begin("tom");
@@ -324,7 +329,9 @@ TEST_F(LessonSequenceCodesTest, anExamEndsWithItsResultDateOnly) {
   server_->setLesson(exam);
   start();
   ASSERT_TRUE(until(Stage::kStart));
-  practiseAsTom();
+  askForExam();
+  sequence_->requests().beginExam();
+  ASSERT_TRUE(untilEndOf(1)) << state_.trouble;
   const auto nothingOfIt = [&] {
     const StationSummary& seen = state_.outcome->summary;
     return seen.score_json.empty() && seen.syringe_json.empty() && state_.outcome->curve.empty();
@@ -335,6 +342,34 @@ TEST_F(LessonSequenceCodesTest, anExamEndsWithItsResultDateOnly) {
   EXPECT_TRUE(nothingOfIt()) << "whatever the server says";
   EXPECT_EQ(quit(), kExitDone);
   EXPECT_TRUE(summary()["score"].is_null());
+}
+
+TEST_F(LessonSequenceCodesTest, anExamBeginsOnlyWhenItsTraineeSaysSo) {
+  options_.seconds = 0;
+  pb::Lesson exam = server_->lesson();
+  exam.set_exercise_json(
+      R"({"id": "ball", "name": "Ball", "profile_id": "phantom-ball", "time_limit_s": 300})");
+  exam.set_exam(true);
+  exam.set_attempts_left(1);
+  server_->setLesson(exam);
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  askForExam();
+  EXPECT_EQ(state_.exam_terms, "1 attempt left, 5 min, counts");
+  EXPECT_EQ(state_.stage, Stage::kPreparing);
+  sequence_->requests().stop({});
+  ASSERT_TRUE(until(Stage::kStart));
+  EXPECT_EQ(state_.exam_terms, "");
+  EXPECT_EQ(quit(), kExitDone) << "no session was begun";
+  EXPECT_FALSE(std::filesystem::exists(options_.json_file));
+}
+
+TEST_F(LessonSequenceCodesTest, aRefusalIsToldInWordsForATrainee) {
+  start();
+  ASSERT_TRUE(until(Stage::kStart));
+  board_.ask({BoardRequest::Kind::kBegin, {"mia", "unknown", false}});
+  ASSERT_TRUE(until([](const BoardState& state) { return !state.trouble.empty(); }));
+  EXPECT_EQ(state_.trouble, "no such exercise");
 }
 
 TEST_F(LessonSequenceCodesTest, aCodeIsAskedForOnceAndReused) {

@@ -15,12 +15,24 @@ bool offers(const std::vector<ScreenAction>& actions, StationAct act) {
   return std::any_of(actions.begin(), actions.end(), [&](const auto& action) { return action.id == act; });
 }
 
+// `left`: attempts, with this one
+BoardState afterAttempt(std::optional<std::uint32_t> left) {
+  BoardState state;
+  auto beginning = std::make_shared<LessonBeginning>();
+  beginning->lesson.exam = true;
+  beginning->lesson.attempts_left = left;
+  state.beginning = beginning;
+  return state;
+}
+
 TEST(StationActions, everyScreenHasOneDefaultAndThatIsEnter) {
   BoardState plain, suggested;
   suggested.next = SuggestedExercise{"ines", "knee-recess"};
-  for (const auto& actions : {startActions(true, true), startActions(false, false), endActions(plain, true),
-                              endActions(plain, false), endActions(suggested, true), failedActions(true),
-                              faultActions(), endLessonActions(), quitActions()}) {
+  const BoardState last = afterAttempt(1);
+  for (const auto& actions :
+       {startActions(true, true), startActions(false, false), endActions(plain, true),
+        endActions(plain, false), endActions(suggested, true), failedActions(true), faultActions(),
+        endLessonActions(), quitActions(), beginExamActions(), endActions(last, true)}) {
     const auto is_default = [](const ScreenAction& action) { return action.isDefault(); };
     EXPECT_EQ(std::count_if(actions.begin(), actions.end(), is_default), 1);
     const auto found = std::find_if(actions.begin(), actions.end(), is_default);
@@ -39,6 +51,14 @@ TEST(StationActions, afterALessonEnterStartsTheNextTryOrTheSuggestion) {
   EXPECT_EQ(actionOf(actions, ActionKey::kEnter), kActNext);
   EXPECT_THAT(actions.front().label, HasSubstr("ines"));
   EXPECT_TRUE(offers(actions, kActAgain));
+}
+
+TEST(StationActions, withoutAnAttemptThereIsNoNextTry) {
+  EXPECT_TRUE(offers(endActions(afterAttempt(2), true), kActAgain));
+  EXPECT_TRUE(offers(endActions(afterAttempt({}), true), kActAgain));
+  const auto actions = endActions(afterAttempt(1), true);
+  EXPECT_FALSE(offers(actions, kActAgain));
+  EXPECT_EQ(actionOf(actions, ActionKey::kEnter), kActOther);
 }
 
 TEST(StationActions, whoMayNotQuitIsNotOfferedIt) {
@@ -65,7 +85,7 @@ TEST(StationActions, quittingSaysWhatHappensToTheLesson) {
 }
 
 TEST(StationActions, aQuestionsDefaultLeavesEverythingAsItIs) {
-  for (const auto& answers : {endLessonActions(), quitActions()}) {
+  for (const auto& answers : {endLessonActions(), quitActions(), beginExamActions()}) {
     EXPECT_EQ(actionOf(answers, ActionKey::kEnter), kActNo);
     EXPECT_EQ(actionOf(answers, ActionKey::kEscape), kActNo);
     EXPECT_EQ(actionOf(answers, ActionKey::kDelete), kActYes);
