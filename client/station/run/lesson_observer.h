@@ -65,7 +65,8 @@ class LessonObserver {
   /// A lesson is in preparation; `what` names the step, e.g. "fetching the exercise". Thread: the lesson's,
   /// as for the next functions.
   virtual void preparing(const std::string& what) { static_cast<void>(what); }
-  /// An exam waits until the trainee begins it or the lesson is stopped. `terms`: examTerms(); empty: no longer.
+  /// An exam waits until the trainee begins it or the lesson is stopped. `terms`: examTerms(); empty: no
+  /// longer.
   virtual void examWaits(const std::string& terms) { static_cast<void>(terms); }
   virtual void began(std::shared_ptr<const LessonBeginning> beginning) { static_cast<void>(beginning); }
   virtual void status(const LessonStatus& status) { static_cast<void>(status); }

@@ -19,12 +19,12 @@ namespace needlelab {
 
 /// Reasons to look at a station, most urgent first.
 enum class Need : std::uint8_t {
-  kFault,       ///< the gate removed the force
-  kAlarm,       ///< of the gesture (common/scoring/alarms/alarms.h), until acknowledged: also after the lesson
-  kTrouble,     ///< the station reports trouble: disk, device, loop
-  kLost,        ///< went offline during a lesson
-  kWaiting,     ///< online, without a lesson
-  kDone,        ///< a lesson ended within kDoneLasts_s
+  kFault,    ///< the gate removed the force
+  kAlarm,    ///< of the gesture (common/scoring/alarms/alarms.h), until acknowledged: also after the lesson
+  kTrouble,  ///< the station reports trouble: disk, device, loop
+  kLost,     ///< went offline during a lesson
+  kWaiting,  ///< online, without a lesson
+  kDone,     ///< a lesson ended within kDoneLasts_s
   kPractising,  ///< a lesson without problems
   kOffline,
 };
@@ -77,8 +77,8 @@ struct StationTile {
 
 /// A lesson that is done is as good as its verdict.
 Condition conditionOf(const StationTile& tile);
-/// Trainee and exercise, also after the lesson: "anna · Knee: suprapatellar recess". Before the first one: "no
-/// lesson". Until the server reports the trainee: "name not known yet · …". `exercise`: its name.
+/// Trainee and exercise, also after the lesson: "anna · Knee: suprapatellar recess". Before the first one:
+/// "no lesson". Until the server reports the trainee: "name not known yet · …". `exercise`: its name.
 std::string lessonWords(const StationTile& tile, const std::string& exercise);
 /// Needle position: "inserting, 12.3 mm, tip in fat"; empty without a lesson.
 std::string depthWords(const StationTile& tile);
@@ -107,8 +107,8 @@ class LabOverview {
   void onStatus(const pb::StationStatus& status, double now_s);
   /// Marks the station's alarms so far as seen by the instructor, also those of earlier lessons.
   void acknowledge(const std::string& station);
-  /// Returns the ended sessions whose verdict to request from the server now (GetSession). Each call counts as
-  /// a request; an id comes again after kVerdictAgain_s.
+  /// Returns the ended sessions whose verdict to request from the server now (GetSession). Each call counts
+  /// as a request; an id comes again after kVerdictAgain_s.
   [[nodiscard]] std::vector<std::string> verdictsToRequest(double now_s);
   /// Takes a session from the server; does nothing before it is scored.
   void takeVerdict(const pb::SessionInfo& session);

@@ -95,7 +95,8 @@ std::string examTerms(const StationLesson& lesson, double time_limit_s) {
   std::string terms = lesson.attempts_left ? attemptsLeftText(*lesson.attempts_left) + ", " : "";
   if (time_limit_s > 0)
     terms += (std::fmod(time_limit_s, 60) == 0 ? fmt::format("{:.0f}", time_limit_s / 60)
-                                               : clockText(time_limit_s)) + " min, ";
+                                               : clockText(time_limit_s)) +
+             " min, ";
   return terms + "counts";
 }
 

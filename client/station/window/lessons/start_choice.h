@@ -89,8 +89,8 @@ class StartChoice {
   /// Returns what was typed, for the request, and forgets it.
   [[nodiscard]] std::string takeCode();
 
-  /// Returns why the last lesson did not begin; empty once a person has chosen anything else: it is not for the
-  /// next trainee.
+  /// Returns why the last lesson did not begin; empty once a person has chosen anything else: it is not for
+  /// the next trainee.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
   /// Returns the lesson to begin; none while the choice is incomplete.

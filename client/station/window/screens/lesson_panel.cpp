@@ -279,7 +279,8 @@ bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   if (below) showForces(lesson, {width, rest - upper});
   if (!ladder && !slice && !forces && !aids.has(pb::Exercise::PHASE) && !aids.has(pb::Exercise::ALIGNMENT)) {
     const WithTextColour dim(kDimText);
-    textBlock(lesson.beginning().lesson.exam ? "This exam is done by feel." : "This exercise is done by feel.");
+    textBlock(lesson.beginning().lesson.exam ? "This exam is done by feel."
+                                             : "This exercise is done by feel.");
   }
   const auto facts = lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad);
   const bool clicked = stationLight(lightOf(facts));

@@ -28,8 +28,8 @@ enum StationAct : int {
 
 /// `can_begin`: trainee, exercise and device are ready. A full-screen window has no close button of its own.
 std::vector<ScreenAction> startActions(bool can_begin, bool may_quit);
-/// After a lesson. Enter begins the suggested exercise, otherwise the next try, even after a failed lesson. If no
-/// attempt is left there is no next try.
+/// After a lesson. Enter begins the suggested exercise, otherwise the next try, even after a failed lesson.
+/// If no attempt is left there is no next try.
 std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit);
 /// Returns what a key's action does after a lesson. `characters_typed`: since the screen came, although
 /// nothing is typed there: somebody, perhaps the next trainee, held a badge to the reader, which ends with

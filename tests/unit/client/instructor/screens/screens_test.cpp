@@ -227,7 +227,8 @@ TEST_F(Screens, afterTheLessonATileHasTheServersVerdict) {
   status.clear_session_id();
   lab_->overview.onStatus(status, lab_->now_s());
   ASSERT_TRUE(untilText("no verdict yet")) << window_->text();
-  uploadLesson(server_, key, info, lessonSamples(sampleProfile("shoulder-adult"), {.depth_m = 0.022, .seconds = 1}));
+  uploadLesson(server_, key, info,
+               lessonSamples(sampleProfile("shoulder-adult"), {.depth_m = 0.022, .seconds = 1}));
   frame_s_ = 1;
   EXPECT_TRUE(untilText("not passed")) << window_->text();
 }

@@ -203,10 +203,10 @@ TEST(LabOverview, aLessonThatIsDoneIsAsGoodAsItsVerdict) {
     const char* words;
     Condition condition;
   };
-  for (const Row& row : {Row{true, "[]", "passed", Condition::kGood},
-                         Row{false, "[]", "not passed", Condition::kAttention},
-                         Row{{}, "[]", "no requirements", Condition::kUnknown},
-                         Row{{}, "", "no verdict yet", Condition::kUnknown}}) {
+  for (const Row& row :
+       {Row{true, "[]", "passed", Condition::kGood}, Row{false, "[]", "not passed", Condition::kAttention},
+        Row{{}, "[]", "no requirements", Condition::kUnknown},
+        Row{{}, "", "no verdict yet", Condition::kUnknown}}) {
     LabOverview lab;
     lab.onStatus(practising("one"), 0);
     EXPECT_TRUE(lab.verdictsToRequest(0).empty());

@@ -347,7 +347,8 @@ TEST_F(LessonSequenceCodesTest, anExamEndsWithItsResultDateOnly) {
 TEST_F(LessonSequenceCodesTest, anExamBeginsOnlyWhenItsTraineeSaysSo) {
   options_.seconds = 0;
   pb::Lesson exam = server_->lesson();
-  exam.set_exercise_json(R"({"id": "ball", "name": "Ball", "profile_id": "phantom-ball", "time_limit_s": 300})");
+  exam.set_exercise_json(
+      R"({"id": "ball", "name": "Ball", "profile_id": "phantom-ball", "time_limit_s": 300})");
   exam.set_exam(true);
   exam.set_attempts_left(1);
   server_->setLesson(exam);
@@ -359,8 +360,8 @@ TEST_F(LessonSequenceCodesTest, anExamBeginsOnlyWhenItsTraineeSaysSo) {
   sequence_->requests().stop({});
   ASSERT_TRUE(until(Stage::kStart));
   EXPECT_EQ(state_.exam_terms, "");
-  EXPECT_EQ(quit(), kExitDone) << "no session was begun";
-  EXPECT_FALSE(std::filesystem::exists(options_.json_file));
+  quit();
+  EXPECT_FALSE(std::filesystem::exists(options_.json_file)) << "no attempt was begun";
 }
 
 TEST_F(LessonSequenceCodesTest, aRefusalIsToldInWordsForATrainee) {

@@ -29,10 +29,10 @@ TEST(StationActions, everyScreenHasOneDefaultAndThatIsEnter) {
   BoardState plain, suggested;
   suggested.next = SuggestedExercise{"ines", "knee-recess"};
   const BoardState last = afterAttempt(1);
-  for (const auto& actions : {startActions(true, true), startActions(false, false), endActions(plain, true),
-                              endActions(plain, false), endActions(suggested, true), failedActions(true),
-                              faultActions(), endLessonActions(), quitActions(), beginExamActions(),
-                              endActions(last, true)}) {
+  for (const auto& actions :
+       {startActions(true, true), startActions(false, false), endActions(plain, true),
+        endActions(plain, false), endActions(suggested, true), failedActions(true), faultActions(),
+        endLessonActions(), quitActions(), beginExamActions(), endActions(last, true)}) {
     const auto is_default = [](const ScreenAction& action) { return action.isDefault(); };
     EXPECT_EQ(std::count_if(actions.begin(), actions.end(), is_default), 1);
     const auto found = std::find_if(actions.begin(), actions.end(), is_default);
