@@ -124,7 +124,7 @@ TEST_P(LettersTest, theVerdictIsLargeAndByHowMuchItMissed) {
       scoreJson(scoreGesture(sample_.samples, 1000, sample_.profile, {}, &exercise));
   outcome->summary.score_source = "server";
   outcome->summary.exercise = "shoulder-bursa";
-  outcome->summary.miss = Miss{Miss::At::kFurthest, false, 0.0021, 0.0039, true, {"towards the head"}};
+  outcome->summary.miss = Miss{Miss::At::kFurthest, false, {}, 0.0039, 0.0021, {"towards the head"}};
   board_.change([&](BoardState& state) {
     state.stage = Stage::kEnd;
     state.outcome = outcome;

@@ -55,9 +55,9 @@ class Screens : public TraineeStage {
     outcome->summary.exercise = "shoulder-bursa";
     outcome->summary.servo.end = ServoEnd::kTicksDone;
     outcome->curve = gestureCurve(sample_.samples, sample_.model->limb);
-    outcome->summary.miss =
-        passed ? missOf(sample_.samples, {}, sample_.profile, {})
-               : Miss{Miss::At::kFurthest, false, 0.0021, 0.0039, true, {"towards the head"}};
+    outcome->summary.miss = passed
+                                ? missOf(sample_.samples, {}, sample_.profile, {})
+                                : Miss{Miss::At::kFurthest, false, {}, 0.0039, 0.0021, {"towards the head"}};
     board_.change([&](BoardState& state) {
       state.stage = Stage::kEnd;
       state.outcome = outcome;
@@ -241,14 +241,18 @@ TEST_F(Screens, anExamAsksBeforeItBeginsAndIsCalledAnExam) {
   EXPECT_TRUE(requests_.takeExamBegin());
   picture(8);
   EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone) << "answered";
+  const auto isCalledExam = [&] {
+    picture();
+    return changes([&] {
+      board_.change([](BoardState& state) {
+        auto exam = std::make_shared<LessonBeginning>(*state.beginning);
+        exam->lesson.exam = true;
+        state.beginning = exam;
+      });
+    });
+  };
   showEnd(false);
-  board_.change([](BoardState& state) {
-    auto exam = std::make_shared<LessonBeginning>(*state.beginning);
-    exam->lesson.exam = true;
-    exam->lesson.attempts_left = 1;
-    state.beginning = exam;
-  });
-  EXPECT_TRUE(looksLike(picture(), referenceOf("exam_end")));
+  EXPECT_GT(isCalledExam(), 1e-3) << "its title";
 }
 
 TEST_F(Screens, theChosenExerciseOfALongListIsOnTheScreen) {

@@ -41,8 +41,8 @@ TEST_F(LessonHandlers, aLessonHoldsExerciseAndNewestProfile) {
   EXPECT_EQ(profile->id(), exercise->profile_id());
   EXPECT_EQ(lesson.profile_revision(), 1u);
   request.mutable_get_lesson()->set_exercise_id("nothing");
-  const auto gone = ask(station, request);
-  EXPECT_EQ(gone.refusal().text(),
+  EXPECT_EQ(refusal(station, request), ErrorCode::kNotFound);
+  EXPECT_EQ(ask(station, request).error->message,
             "'nothing' is no longer among the exercises: choose another one, or ask your instructor");
 }
 
