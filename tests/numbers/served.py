@@ -251,7 +251,7 @@ def report(held, facts, lab, s, g, zone):
     cells = [[html.unescape(re.sub(r"<[^>]*>", "", c)) for c in re.findall(r"<td[^>]*>(.*?)</td>", row, re.S)] for row in re.findall(r"<tr>(.*?)</tr>", page, re.S)]
     facts_of = {c[0]: c[1] for c in cells if len(c) == 2}
     exercise = facts.exercises[s["exercise_id"]]["json"]["name"] if s["exercise_id"] in facts.exercises else s["exercise_id"]
-    held.same(screen, "begun, local time", s["uuid"], f"{s['trainee']}, {exercise}, {local(s['started_unix_ns'], zone, '%Y-%m-%d %H:%M')}",
+    held.same(screen, "begun, local time", s["uuid"], f"{facts.people.get(s['trainee'], {}).get('full_name') or s['trainee']}, {exercise}, {local(s['started_unix_ns'], zone, '%Y-%m-%d %H:%M')}",
               facts_of["when and what"])
     held.same(screen, "attempt", s["uuid"], str(s["attempt"]), facts_of["attempt"])
     count, seconds = re.match(r"(\d+) samples, ([\d.]+) s", facts_of["recording"]).groups()

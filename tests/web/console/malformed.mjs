@@ -142,7 +142,7 @@ const kTexts = [
   ['null', 'A document must be an object in braces, found null'],
   ['5', 'A document must be an object in braces, found the number 5'],
   ['[]', 'A document must be an object in braces, found a list'],
-  ['{"max_force_n": 1e999}', 'greatest force: is too large for a number'],
+  ['{"max_force_n": 1e999}', 'force: is too large for a number'],
   [`{"a": ${'['.repeat(5000)}${']'.repeat(5000)}}`, 'is nested deeper than 32'],
 ];
 
