@@ -134,7 +134,7 @@ void drawBands(ImDrawList& list, const PlotFrame& frame, std::span<const PlotBan
     list.AddRectFilled({left_px, top_px}, {right_px, low_px},
                        packed(band.colour, band.is_target ? 0.35F : 0.17F));
     list.AddLine({left_px, top_px}, {right_px, top_px}, packed(band.colour, 0.45F));
-    if (band.name.empty()) continue;
+    if (band.name.empty() || name_end_px - left_px < 4 * text_px) continue;
     const std::string name = fittedText(band.name, name_end_px - left_px - 12);
     if (band.is_target) {
       const float width_px = sizeOfText(name).x;
