@@ -7,7 +7,7 @@ UNITS = {"": 1, "s": 1, "N": 1, "mm": 1e-3, "m": 1, "mm/s": 1e-3, "m/s": 1, "mJ"
          "°": math.pi / 180, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9}
 
 
-YES_OR_NO = ("target_reached", "aspirated_before_injection")
+YES_OR_NO = ("ends_in_tissue", "target_reached", "aspirated_before_injection")
 
 
 def differs(expected, seen, within):

@@ -325,7 +325,7 @@ export function week(t) {
       .getByText(/not passed/)
       .first()
       .waitFor();
-    await page.getByText('1 of 2 requirements is not met: ').waitFor();
+    await page.getByText('1 of 4 requirements is not met: ').waitFor();
     const score = page.getByRole('region', { name: /^Measures that were required/ });
     await score
       .getByText(/Target not reached/i)
