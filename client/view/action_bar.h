@@ -37,10 +37,7 @@ class Question {
   explicit Question(const char* title) : title_(title) {}
   /// Drawn from the next `show` on.
   void ask() { opens_ = asked_ = true; }
-  void ask(const char* title) {
-    title_ = title;
-    ask();
-  }
+  void ask(const char* title) { title_ = title, ask(); }
   /// Closes it without an answer.
   void withdraw() { withdrawn_ = asked_; }
   /// Returns whether the question is open.

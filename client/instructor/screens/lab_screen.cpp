@@ -44,9 +44,9 @@ void tileLines(const LabState& lab, const StationTile& tile, float inner, float 
                 {inner - bar - 1.5F * space(), ImGui::GetFontSize() * 1.35F});
     }
   }
-  if (const std::string verdict = verdictWords(tile); !verdict.empty()) {
+  if (!tile.verdict.empty()) {
     WithTextColour colour(tile.passed.value_or(true) ? kText : styleOf(Condition::kAttention).colour);
-    textLine(verdict, inner);
+    textLine(tile.verdict, inner);
   }
   WithTextColour dim(tile.missed_ticks > 0 && tile.online ? kOrange : kDimText);
   ImGui::SetCursorPosY(height_px - ImGui::GetFontSize() - 1.1F * space());

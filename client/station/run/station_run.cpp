@@ -100,7 +100,7 @@ Status StationRun::getLesson() {
 
 // an attempt counts as soon as its session begins
 Status StationRun::waitForExam() {
-  if (!asks_exam_ || !lesson_.exam) return {};
+  if (!options_.opensWindow() || !lesson_.exam) return {};
   home_.observer().examWaits(examTerms(lesson_, time_limit_s_));
   while (!isStopped() && !home_.requests().takeExamBegin())
     home_.time().sleepUntilNs(home_.time().nowNs() + std::chrono::nanoseconds(50ms).count());

@@ -49,17 +49,13 @@ Result<FetchedLesson> fetchLesson(StationHome& home, const StationOptions& optio
 class StationRun {
  public:
   /// `options` contains this lesson's trainee and exercise, `code` the trainee's. `home` is open and
-  /// connected and must outlive it. `asks_exam`: an exam waits for its trainee (LessonObserver::examWaits).
-  StationRun(StationHome& home, StationOptions options, const sigset_t& stop_signals, GivenCode code = {},
-             bool asks_exam = false)
-      : home_(home),
-        options_(std::move(options)),
-        signals_(stop_signals),
-        code_(std::move(code)),
-        asks_exam_(asks_exam) {}
+  /// connected and must outlive it.
+  StationRun(StationHome& home, StationOptions options, const sigset_t& stop_signals, GivenCode code = {})
+      : home_(home), options_(std::move(options)), signals_(stop_signals), code_(std::move(code)) {}
 
-  /// Prepares lesson, device and session. Errors include advice; after an error there is no recording. kCode:
-  /// the server asks for the trainee's code and did not get the right one.
+  /// Prepares lesson, device and session. With a window, an exam waits first (LessonObserver::examWaits).
+  /// Errors include advice; after an error there is no recording. kCode: the server asks for the trainee's
+  /// code and did not get the right one.
   Status prepare();
   /// Runs the loop until the lesson ends. Errors: part of the recording is not stored safely.
   Status practise();
@@ -96,7 +92,6 @@ class StationRun {
   const StationOptions options_;
   const sigset_t& signals_;
   GivenCode code_;
-  const bool asks_exam_;
   bool code_checked_ = false, code_unchecked_ = false;  // as in FetchedLesson
   std::string person_;                                  // likewise
   std::shared_ptr<HandSteering> steering_;              // input of the simulated hand steered in the window

@@ -131,6 +131,7 @@ class LessonThread {
   LessonThread& operator=(const LessonThread&) = delete;
 
   [[nodiscard]] bool ended() const { return ended_.load(); }
+  void beginExam() { sequence_.requests().beginExam(); }
   /// Ends the running lesson, then sends its recording.
   void requestEnd() {
     if (end_requested_.exchange(true)) return;
@@ -247,6 +248,7 @@ class FrameLoop {
     const BoardState& state = window_.shown();
     const bool lesson_is_requested = isPictureRequested(options_, PictureRequest::When::kLesson) ||
                                      isPictureRequested(options_, PictureRequest::When::kEnd);
+    if (!state.exam_terms.empty()) lessons_.beginExam();
     if (state.stage == Stage::kStart && !state.trouble.empty()) return lessons_.requestEnd();
     if (state.stage == Stage::kStart && isStartPictureTaken() && !begun_) {
       if (!lesson_is_requested) return lessons_.requestEnd();

@@ -112,18 +112,17 @@ bool TraineeWindow::showScreen(bool changed, bool keys) {
 
 // a question to quit takes its place
 void TraineeWindow::offerExam() {
-  const bool waits = !state_.exam_terms.empty() && !exam_answered_;
-  if (waits && !exam_question_.asked() && !quit_question_.asked()) exam_question_.ask();
-  if (!waits) exam_question_.withdraw();
-  if (state_.exam_terms.empty()) exam_answered_ = false;
+  if (state_.exam_terms.empty())
+    exam_question_.withdraw();
+  else if (!exam_question_.asked() && !quit_question_.asked())
+    exam_question_.ask();
   const auto& curriculum = state_.lists.curriculum;
-  const std::string& account = state_.choice.trainee;
-  const auto answer = exam_question_.show(
-      (exerciseName(state_.lists, state_.choice.exercise) + "\n" +
-       (curriculum ? shownName(curriculum->trainees, account) : account) + ": " + state_.exam_terms)
-          .c_str(),
-      beginExamActions());
-  exam_answered_ = exam_answered_ || answer;
+  std::string who = state_.choice.trainee;
+  if (curriculum) who = shownName(curriculum->trainees, who);
+  const std::string text =
+      exerciseName(state_.lists, state_.choice.exercise) + "\n" + who + ": " + state_.exam_terms;
+  const auto answer = exam_question_.show(text.c_str(), beginExamActions());
+  if (answer) state_.exam_terms.clear();
   if (answer == kActYes) requests_.beginExam();
   if (answer == kActNo) requests_.stop({});
 }

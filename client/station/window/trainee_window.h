@@ -51,7 +51,6 @@ class TraineeWindow {
   LessonRequests& requests_;
   const bool may_quit_;
   Question quit_question_{"Quit?"}, exam_question_{"Begin the exam?"};
-  bool exam_answered_ = false;
   std::unique_ptr<SceneRenderer> renderer_;
   BoardState state_;
   std::uint64_t seen_ = 0, lesson_ = 0;

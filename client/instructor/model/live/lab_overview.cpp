@@ -58,9 +58,9 @@ Condition conditionOf(const StationTile& tile) {
 }
 
 std::string lessonWords(const StationTile& tile, const std::string& exercise) {
-  if (tile.online && tile.session_id.empty() && tile.ended_session.empty()) return "no lesson";
-  if (tile.trainee.empty()) return tile.online ? "name not known yet · " + exercise : std::string();
-  return tile.trainee + " · " + exercise;
+  if (!tile.trainee.empty()) return tile.trainee + " · " + exercise;
+  if (!tile.online) return {};
+  return tile.session_id.empty() ? "no lesson" : "name not known yet · " + exercise;
 }
 
 std::string depthWords(const StationTile& tile) {
@@ -70,11 +70,6 @@ std::string depthWords(const StationTile& tile) {
   const std::string where =
       tile.layer_name.empty() ? fmt::format("layer {}", std::int64_t{tile.layer} + 1) : tile.layer_name;
   return phase + ", " + fixedText(1e3 * tile.insertion_m, 1) + " mm, tip in " + where;
-}
-
-std::string verdictWords(const StationTile& tile) {
-  if (tile.ended_session.empty()) return {};
-  return tile.verdict.empty() ? "no verdict yet" : tile.verdict;
 }
 
 std::string forceWords(const StationTile& tile) {
@@ -131,7 +126,8 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   if (status.session_id() != tile.session_id) {
     if (had_lesson && status.session_id().empty()) {
       entry.ended_s = now_s;
-      tile.ended_session = tile.session_id;
+      entry.waits_for = tile.session_id;
+      tile.verdict = verdictName({}) + std::string(" yet");
     }
     if (!status.session_id().empty()) beginLesson(entry, now_s);
     tile.session_id = status.session_id();
@@ -172,12 +168,12 @@ void LabOverview::beginLesson(Entry& entry, double now_s) {
   entry.earlier = tile.alarms;
   entry.began_s = now_s;
   entry.ended_s = -1e9;
-  entry.verdict_asked_s = -1e9;
+  entry.asked_s = -1e9;
+  entry.waits_for.clear();
   entry.alarms.clear();
   entry.seen.clear();
   tile.trainee.clear();  // another trainee may be next
   tile.exercise.clear();
-  tile.ended_session.clear();
   tile.verdict.clear();
   tile.passed.reset();
   tile.peak_force_N = 0;
@@ -233,25 +229,22 @@ void LabOverview::acknowledge(const std::string& station) {
 }
 
 std::vector<std::string> LabOverview::verdictsToRequest(double now_s) {
+  constexpr double kAgain_s = 2;
   std::vector<std::string> sessions;
   for (auto& [name, entry] : entries_) {
-    const StationTile& tile = entry.tile;
-    if (tile.ended_session.empty() || !tile.verdict.empty()) continue;
-    if (now_s - entry.verdict_asked_s < kVerdictAgain_s) continue;
-    entry.verdict_asked_s = now_s;
-    sessions.push_back(tile.ended_session);
+    if (entry.waits_for.empty() || now_s - entry.asked_s < kAgain_s) continue;
+    entry.asked_s = now_s;
+    sessions.push_back(entry.waits_for);
   }
   return sessions;
 }
 
 void LabOverview::takeVerdict(const pb::SessionInfo& session) {
-  if (session.score_json().empty()) return;
   for (auto& [name, entry] : entries_) {
-    StationTile& tile = entry.tile;
-    if (tile.ended_session.empty() || tile.ended_session != session.description().session_id()) continue;
-    if (tile.trainee.empty()) tile.trainee = printable(session.description().trainee());
-    if (session.has_passed()) tile.passed = session.passed();
-    tile.verdict = session.has_passed() ? verdictName(session.passed()) : "no requirements";
+    if (session.score_json().empty() || entry.waits_for != session.description().session_id()) continue;
+    entry.waits_for.clear();
+    if (session.has_passed()) entry.tile.passed = session.passed();
+    entry.tile.verdict = session.has_passed() ? verdictName(session.passed()) : "no requirements";
   }
 }
 

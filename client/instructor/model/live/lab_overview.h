@@ -37,8 +37,6 @@ inline bool needsHelp(Need need) {
 
 /// How long a tile keeps the need kDone.
 inline constexpr double kDoneLasts_s = 120;
-/// How soon the server is asked again for a verdict that it does not have yet.
-inline constexpr double kVerdictAgain_s = 2;
 /// A station without a status line for this long is stale. Lines come at 10 Hz, or slower with many stations.
 inline constexpr double kStale_s = 3;
 
@@ -51,12 +49,10 @@ struct TileAlarm {
 
 /// The contents of a tile.
 struct StationTile {
-  std::string station;
-  std::string trainee, exercise;  ///< of the lesson; after it, until the next begins
-  std::string session_id;         ///< 16 bytes; empty: idle
-  std::string ended_session;      ///< likewise, of the lesson that ended here; empty: one runs, or none did
-  std::string verdict;            ///< on that lesson: "not passed"; empty: not known yet
-  std::optional<bool> passed;     ///< likewise; none: not known, or nothing is required
+  std::string station, trainee, exercise;  ///< the last two stay until the next lesson
+  std::string session_id;                  ///< 16 bytes; empty: idle
+  std::string verdict;                     ///< on the lesson that ended: "not passed", "no verdict yet"
+  std::optional<bool> passed;              ///< likewise; none: no verdict yet, or nothing is required
   bool online = false, stale = false, revoked = false;
   std::uint32_t phase = 0;
   int layer = -1;
@@ -82,8 +78,6 @@ Condition conditionOf(const StationTile& tile);
 std::string lessonWords(const StationTile& tile, const std::string& exercise);
 /// Needle position: "inserting, 12.3 mm, tip in fat"; empty without a lesson.
 std::string depthWords(const StationTile& tile);
-/// After a lesson: "not passed", "no verdict yet"; otherwise empty.
-std::string verdictWords(const StationTile& tile);
 /// "2.3 N, peak 3.1 N"
 std::string forceWords(const StationTile& tile);
 /// Short state of loop and connection: "loop: 99 % within 12 µs, 3 ticks missed, 2 chunks wait". Omits values
@@ -108,7 +102,7 @@ class LabOverview {
   /// Marks the station's alarms so far as seen by the instructor, also those of earlier lessons.
   void acknowledge(const std::string& station);
   /// Returns the ended sessions whose verdict to request from the server now (GetSession). Each call counts
-  /// as a request; an id comes again after kVerdictAgain_s.
+  /// as a request; an id comes again 2 s later.
   [[nodiscard]] std::vector<std::string> verdictsToRequest(double now_s);
   /// Takes a session from the server; does nothing before it is scored.
   void takeVerdict(const pb::SessionInfo& session);
@@ -134,7 +128,8 @@ class LabOverview {
     std::map<std::string, std::uint32_t> seen;  // how many of each alarm the instructor acknowledged
     std::vector<TileAlarm> earlier;             // of earlier lessons, not acknowledged
     double ended_s = -1e9;                      // end of the last lesson
-    double verdict_asked_s = -1e9;
+    std::string waits_for;                      // the session whose verdict is not known yet
+    double asked_s = -1e9;                      // when it was requested
     bool lost_in_lesson = false;
   };
   static void beginLesson(Entry& entry, double now_s);

@@ -88,11 +88,10 @@ struct BoardState {
   DeviceReadiness device;
   std::string server;  ///< short state; empty without a server
   bool server_away = false;
-  LessonChoice choice;                        ///< the preselection; in a lesson, its choice
-  std::string preparing;                      ///< the step, for a person
-  std::string exam_terms;                     ///< of the exam that waits for its trainee (examTerms)
-  std::string trouble;                        ///< why the last attempt to begin failed
-  std::uint64_t troubles = 0;                 ///< counts up: the same trouble again has a new number
+  LessonChoice choice;     ///< the preselection; in a lesson, its choice
+  std::string preparing;   ///< the step, for a person
+  std::string exam_terms;  ///< of the exam that waits for its trainee (examTerms)
+  std::string trouble;     ///< why the last attempt to begin failed; empty once anything else is chosen
   std::optional<CodeQuestion> code_question;  ///< must be answered before the lesson can begin
   std::uint64_t lesson = 0;                   ///< counts up; 0: none yet
   std::shared_ptr<const LessonBeginning> beginning;

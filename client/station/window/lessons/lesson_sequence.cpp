@@ -272,7 +272,7 @@ void LessonSequence::practise(const LessonChoice& choice, const std::string& typ
   std::string code = typed_code.empty() ? kept_code_ : typed_code;
   const bool code_kept = typed_code.empty() && !code.empty();
   const WipeAtEnd wiped(code);
-  last_ = std::make_unique<StationRun>(home_, options, signals_, GivenCode{code, {}}, !alone_);
+  last_ = std::make_unique<StationRun>(home_, options, signals_, GivenCode{code, {}});
   const auto prepared = [&]() -> Status {
     RETURN_IF_ERROR(checkName("trainee", options.trainee));
     if (options.exercise.empty() && options.profile_file.empty())
@@ -316,10 +316,7 @@ void LessonSequence::cannotBegin(const Error& error, const LessonChoice& choice,
     return board_.change([&](BoardState& state) { state.code_question = question; });
   }
   failed_to_begin_ = exitCodeOf(error);
-  board_.change([&](BoardState& state) {
-    state.trouble = plainWords(printable(error.message));
-    ++state.troubles;
-  });
+  board_.change([&](BoardState& state) { state.trouble = plainWords(printable(error.message)); });
 }
 
 // shows the outcome until the server's verdict arrives or the wait ends

@@ -172,8 +172,6 @@ void StartChoice::update(const BoardState& state, std::int64_t now_unix_ns) {
     exercise_ = state.choice.exercise;
     by_person_ = by_profile_ || !exercise_.empty();
   }
-  if (state.trouble.empty() || std::exchange(last_trouble_, state.troubles) != state.troubles)
-    trouble_ = state.trouble;
   takeQuestion(state.code_question);
   list();
 }
@@ -349,7 +347,6 @@ void StartChoice::chooseTrainee(const std::string& name) {
     if (!by_person_) exercise_.clear();
     by_person_ = by_profile_;
     forgetCode();
-    trouble_.clear();
   }
   trainee_ = account;
   askInAdvance();
@@ -359,7 +356,6 @@ void StartChoice::chooseTrainee(const std::string& name) {
 void StartChoice::chooseExercise(int index) {
   if (index < 0 || index >= static_cast<int>(exercises_.size())) return;
   const LessonChoice& chosen = exercises_[static_cast<std::size_t>(index)].choice;
-  if (index != exercise()) trouble_.clear();
   exercise_ = chosen.exercise;
   by_profile_ = chosen.by_profile;
   by_person_ = true;

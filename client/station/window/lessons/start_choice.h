@@ -89,10 +89,6 @@ class StartChoice {
   /// Returns what was typed, for the request, and forgets it.
   [[nodiscard]] std::string takeCode();
 
-  /// Returns why the last lesson did not begin; empty once a person has chosen anything else: it is not for
-  /// the next trainee.
-  [[nodiscard]] const std::string& trouble() const { return trouble_; }
-
   /// Returns the lesson to begin; none while the choice is incomplete.
   [[nodiscard]] std::optional<LessonChoice> choice() const;
   /// Returns why no lesson can begin, for a person; empty if one can.
@@ -117,8 +113,7 @@ class StartChoice {
   bool by_profile_ = false;
   bool by_person_ = false;                // chosen by a person, not the ladder's next step
   std::optional<CodeQuestion> question_;  // of trainee_
-  std::string trouble_;
-  std::uint64_t last_question_ = 0, last_trouble_ = 0;
+  std::uint64_t last_question_ = 0;
   std::uint64_t own_questions_ = 0;
   std::string code_;  // as typed
   std::vector<std::string> trainees_;

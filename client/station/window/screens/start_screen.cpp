@@ -49,6 +49,7 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
     if (fresh_ || !ImGui::GetIO().WantTextInput) typed_ = choice_.shown(choice_.trainee());
     fresh_ = false;
   }
+  const std::pair chosen_before(choice_.trainee(), choice_.exercise());
   beginScreen("start");
   {
     const WithFont heading(Letters::kHeading);
@@ -90,6 +91,9 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
       }
     requestStanding(board);
   }
+  // what was refused is not for the next trainee
+  if (!state.trouble.empty() && chosen_before != std::pair(choice_.trainee(), choice_.exercise()))
+    board.change([](BoardState& now) { now.trouble.clear(); });
   // a question over the screen gets the keys
   if (keys && !chosen) chosen = actionByKey(actions);
   act(chosen, board);
@@ -241,10 +245,10 @@ std::optional<int> StartScreen::showStation(const BoardState& state, bool may_qu
     conditionLine(Condition::kAttention,
                   "Next: " + exerciseName(state.lists, state.next->exercise) + " (" + state.next->from + ")");
   }
-  if (!choice_.trouble().empty()) {
+  if (!state.trouble.empty()) {
     ImGui::Spacing();
     const WithTextColour colour(styleOf(Condition::kTrouble).colour);
-    textBlock("The lesson did not start: " + choice_.trouble());
+    textBlock("The lesson did not start: " + state.trouble);
   }
   ImGui::Spacing();
   const std::string missing = choice_.missing();

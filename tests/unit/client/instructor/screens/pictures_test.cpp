@@ -81,7 +81,7 @@ TEST_F(Pictures, lab) {
   say(6, "fay",
       [](auto& s) { s.set_trouble("the disk is nearly full: 300 MB are left"), s.set_missed_ticks(12); });
   say(7, "gus", {});
-  say(7, "gus", [](auto& s) { s.clear_session_id(), s.clear_trainee(); });
+  say(7, "gus", [](auto& s) { s.clear_session_id(); });
   pb::SessionInfo failed;
   failed.mutable_description()->set_session_id(std::string(16, 7));
   failed.set_score_json("[]");

@@ -94,11 +94,13 @@ TEST_F(Screens, startWithTheServerAwayAndALessonThatDidNotBegin) {
     state.server_away = true;
     state.lists.exercises[1].cached_revision.reset();
     state.trouble = "exercise knee-recess was never fetched from a server";
-    state.troubles = 1;
     state.device = {"Virtuose 6D Desktop", "no library: install the vendor's package", false, true};
     state.next = SuggestedExercise{"ines", "knee-recess"};
   });
   EXPECT_TRUE(looksLike(picture(), referenceOf("start_trouble")));
+  press(screen(), GLFW_KEY_RIGHT);
+  picture(2);
+  EXPECT_EQ(window_->shown().trouble, "") << "it is not for the next trainee";
 }
 
 TEST_F(Screens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
@@ -222,37 +224,30 @@ TEST_F(Screens, preparingCanBeCalledOff) {
 TEST_F(Screens, anExamAsksBeforeItBeginsAndIsCalledAnExam) {
   showStart();
   board_.change([](BoardState& state) { state.stage = Stage::kPreparing; });
-  board_.examWaits("1 attempt left, 5 min, counts");
-  EXPECT_TRUE(looksLike(picture(8), referenceOf("exam_question")));
-  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kBeginExam);
+  const auto asks = [&](const char* terms) {
+    board_.examWaits(terms);
+    picture(8);
+    return window_->shownFrame().question == ShownQuestion::kBeginExam;
+  };
+  EXPECT_TRUE(asks("1 attempt left, 5 min, counts"));
+  EXPECT_TRUE(looksLike(picture(), referenceOf("exam_question")));
   press(screen(), GLFW_KEY_ENTER);
   EXPECT_FALSE(requests_.takeExamBegin());
   EXPECT_TRUE(requests_.takeStop()) << "not now";
-  board_.examWaits({});
-  picture(8);
-  board_.examWaits("counts");
-  picture(8);
-  board_.examWaits({});  // an instructor stopped it
-  picture(8);
-  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone);
-  board_.examWaits("counts");
-  picture(8);
+  EXPECT_TRUE(asks("counts"));
+  EXPECT_FALSE(asks("")) << "an instructor stopped it";
+  EXPECT_TRUE(asks("counts"));
   press(screen(), GLFW_KEY_DELETE);
   EXPECT_TRUE(requests_.takeExamBegin());
-  picture(8);
-  EXPECT_EQ(window_->shownFrame().question, ShownQuestion::kNone) << "answered";
-  const auto isCalledExam = [&] {
+  EXPECT_FALSE(asks(""));
+  for (const bool ends : {false, true}) {
+    const auto show = [&] { ends ? showEnd(false) : showLesson(2.4); };
+    exam_ = false;
+    show();
     picture();
-    return changes([&] {
-      board_.change([](BoardState& state) {
-        auto exam = std::make_shared<LessonBeginning>(*state.beginning);
-        exam->lesson.exam = true;
-        state.beginning = exam;
-      });
-    });
-  };
-  showEnd(false);
-  EXPECT_GT(isCalledExam(), 1e-3) << "its title";
+    exam_ = true;
+    EXPECT_GT(changes(show), 1e-3) << "its title, " << ends;
+  }
 }
 
 TEST_F(Screens, theChosenExerciseOfALongListIsOnTheScreen) {

@@ -122,6 +122,7 @@ class TraineeStage : public ViewStage {
       exercise.mutable_plan()->mutable_direction()->set_z(-1);
     }
     beginning->lesson.exercise = exercise;
+    beginning->lesson.exam = exam_;
     beginning->lesson.attempt = 2;
     beginning->lesson.attempts_left = 3;
     beginning->trainee = "tom";
@@ -153,6 +154,7 @@ class TraineeStage : public ViewStage {
   LessonRequests requests_;
   std::unique_ptr<TraineeWindow> window_;
   SampleLesson sample_;
+  bool exam_ = false;
   bool with_plan_ = false;  ///< whether the lesson's exercise has a planned line
   LessonStatus standing_;
   std::shared_ptr<HandSteering> steering_;

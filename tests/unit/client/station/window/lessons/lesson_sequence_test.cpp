@@ -305,11 +305,6 @@ class LessonSequenceCodesTest : public LessonSequenceTest {
     return until(
         [lesson](const BoardState& state) { return state.stage == Stage::kEnd && state.lesson == lesson; });
   }
-  // tom's code was right, and the exam waits
-  void askForExam() {
-    begin("tom", "4711");
-    ASSERT_TRUE(until([](const BoardState& state) { return !state.exam_terms.empty(); })) << state_.trouble;
-  }
   // tom's first lesson, to its end
   void practiseAsTom() {
     begin("tom");
@@ -321,16 +316,29 @@ class LessonSequenceCodesTest : public LessonSequenceTest {
   std::unique_ptr<FakeServer> server_ = std::make_unique<FakeServer>();
 };
 
-TEST_F(LessonSequenceCodesTest, anExamEndsWithItsResultDateOnly) {
+TEST_F(LessonSequenceCodesTest, anExamBeginsWhenItsTraineeSaysSoAndEndsWithItsResultDateOnly) {
+  options_.seconds = 0;
   pb::Lesson exam = server_->lesson();
   exam.set_assigned_only(true);
+  exam.set_exercise_json(R"({"id": "b", "name": "B", "profile_id": "phantom-ball", "time_limit_s": 300})");
   exam.set_exam(true);
+  exam.set_attempts_left(1);
   exam.set_results_from_unix_ns(9'000'000'000'000'000'000);
   server_->setLesson(exam);
   start();
   ASSERT_TRUE(until(Stage::kStart));
-  askForExam();
+  const auto waits = [](const BoardState& state) { return !state.exam_terms.empty(); };
+  begin("tom", "4711");
+  ASSERT_TRUE(until(waits)) << state_.trouble;
+  EXPECT_EQ(state_.exam_terms, "1 attempt left, 5 min, counts");
+  sequence_->requests().stop({});  // not now
+  ASSERT_TRUE(until(Stage::kStart));
+  EXPECT_EQ(state_.lesson, 0u) << "no attempt was begun";
+  begin("tom", "4711");
+  ASSERT_TRUE(until(waits)) << state_.trouble;
   sequence_->requests().beginExam();
+  ASSERT_TRUE(until(Stage::kLesson));
+  sequence_->requests().stop({});
   ASSERT_TRUE(untilEndOf(1)) << state_.trouble;
   const auto nothingOfIt = [&] {
     const StationSummary& seen = state_.outcome->summary;
@@ -342,26 +350,6 @@ TEST_F(LessonSequenceCodesTest, anExamEndsWithItsResultDateOnly) {
   EXPECT_TRUE(nothingOfIt()) << "whatever the server says";
   EXPECT_EQ(quit(), kExitDone);
   EXPECT_TRUE(summary()["score"].is_null());
-}
-
-TEST_F(LessonSequenceCodesTest, anExamBeginsOnlyWhenItsTraineeSaysSo) {
-  options_.seconds = 0;
-  pb::Lesson exam = server_->lesson();
-  exam.set_exercise_json(
-      R"({"id": "ball", "name": "Ball", "profile_id": "phantom-ball", "time_limit_s": 300})");
-  exam.set_exam(true);
-  exam.set_attempts_left(1);
-  server_->setLesson(exam);
-  start();
-  ASSERT_TRUE(until(Stage::kStart));
-  askForExam();
-  EXPECT_EQ(state_.exam_terms, "1 attempt left, 5 min, counts");
-  EXPECT_EQ(state_.stage, Stage::kPreparing);
-  sequence_->requests().stop({});
-  ASSERT_TRUE(until(Stage::kStart));
-  EXPECT_EQ(state_.exam_terms, "");
-  quit();
-  EXPECT_FALSE(std::filesystem::exists(options_.json_file)) << "no attempt was begun";
 }
 
 TEST_F(LessonSequenceCodesTest, aRefusalIsToldInWordsForATrainee) {

@@ -442,34 +442,6 @@ TEST(StartChoice, anExamNeedsAnAssignmentAndOfflineARemainingAttempt) {
   EXPECT_EQ(shown(choice), "d");
 }
 
-TEST(StartChoice, whyALessonDidNotBeginIsNotForTheNextTrainee) {
-  BoardState state = withServer();
-  state.choice = {"tom", "a", false};
-  for (const auto& chooses : {+[](StartChoice& choice) { choice.chooseTrainee("zoe"); },
-                              +[](StartChoice& choice) { choice.stepTrainee(1); },
-                              +[](StartChoice& choice) { choice.chooseExercise(2); }}) {
-    StartChoice choice;
-    choice.update(state);
-    state.trouble = "\"Exam\": the one attempt has been used";
-    ++state.troubles;
-    choice.update(state);
-    choice.chooseTrainee("tom");
-    EXPECT_EQ(choice.trouble(), state.trouble) << "nothing else was chosen";
-    chooses(choice);
-    choice.update(state);
-    EXPECT_EQ(choice.trouble(), "");
-    choice.chooseTrainee("tom");
-    choice.update(state);
-    EXPECT_EQ(choice.trouble(), "") << "it does not come back";
-    ++state.troubles;
-    choice.update(state);
-    EXPECT_EQ(choice.trouble(), state.trouble) << "refused again";
-    state.trouble.clear();
-    choice.update(state);
-    EXPECT_EQ(choice.trouble(), "") << "a lesson began";
-  }
-}
-
 TEST(StartChoice, aBlockedStartGivesAdviceForALab) {
   StartChoice choice;
   BoardState state;

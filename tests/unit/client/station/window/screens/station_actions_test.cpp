@@ -16,12 +16,11 @@ bool offers(const std::vector<ScreenAction>& actions, StationAct act) {
 }
 
 // `left`: attempts, with this one
-BoardState afterAttempt(std::optional<std::uint32_t> left) {
+BoardState afterAttempt(std::uint32_t left) {
+  LessonBeginning beginning;
+  beginning.lesson.attempts_left = left;
   BoardState state;
-  auto beginning = std::make_shared<LessonBeginning>();
-  beginning->lesson.exam = true;
-  beginning->lesson.attempts_left = left;
-  state.beginning = beginning;
+  state.beginning = std::make_shared<LessonBeginning>(beginning);
   return state;
 }
 
@@ -55,7 +54,6 @@ TEST(StationActions, afterALessonEnterStartsTheNextTryOrTheSuggestion) {
 
 TEST(StationActions, withoutAnAttemptThereIsNoNextTry) {
   EXPECT_TRUE(offers(endActions(afterAttempt(2), true), kActAgain));
-  EXPECT_TRUE(offers(endActions(afterAttempt({}), true), kActAgain));
   const auto actions = endActions(afterAttempt(1), true);
   EXPECT_FALSE(offers(actions, kActAgain));
   EXPECT_EQ(actionOf(actions, ActionKey::kEnter), kActOther);
