@@ -221,8 +221,11 @@ Result<pb::Request> listSessions(const WebRoute&, const WebCall& call) {
                                   std::pair("to_ms", &pb::ListSessions::set_to_unix_ns)}) {
     const std::string text = call.query(name);
     if (text.empty()) continue;
-    ASSIGN_OR_RETURN(const auto moment_ms, wholeOf(name, text, 0, kLatest_ms));
-    (list.*set)(static_cast<std::int64_t>(moment_ms) * 1'000'000);
+    const auto moment_ms = wholeOf(name, text, 0, kLatest_ms);
+    if (!moment_ms)
+      return Error{ErrorCode::kInvalidInput,
+                   std::string(name) + ": must be a time in ms since 1970, until 2261"};
+    (list.*set)(static_cast<std::int64_t>(*moment_ms) * 1'000'000);
   }
   ASSIGN_OR_RETURN(const auto limit, limitOf(call, kMaxListedSessions));
   list.set_limit(limit);
