@@ -21,6 +21,7 @@
 #include "client/view/model/plot.h"
 #include "client/view/plots.h"
 #include "client/view/theme.h"
+#include "common/base/text/plain_words.h"
 #include "common/base/text/text.h"
 #include "common/haptics/gate/handle_stiffness.h"
 #include "common/scoring/measures/measure_table.h"
@@ -100,6 +101,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
   } else {
     verdict.kept = "The recording is safe in this station's spool; it is sent once the station has a server.";
   }
+  verdict.kept = plainWords(verdict.kept);
   if (outcome.code_unchecked) verdict.waits = kCodeUnchecked;
   verdict.lowered = stiffnessShareText(s.shares, s.left_out);
   return verdict;
