@@ -14,6 +14,8 @@ constexpr double kWayStep_m = 1e-4;
 constexpr double kExact_m = 1e-9;
 /// How far a needle could go on behind its point.
 constexpr double kGoesOn_m = 0.2;
+/// A target lies within this of a needle's line: farther than any body is wide.
+constexpr double kFarAside_m = 2;
 /// Places of a line that are equally near to a target differ by less.
 constexpr double kEquallyNear_m = 1e-6;
 constexpr double kAskAgain_m = 50e-6;
@@ -102,7 +104,7 @@ class Across {
   void look(double at_m, double angle, double ties_m) {
     const Vec3 line = way_.at(at_m), out = direction(angle);
     const auto found =
-        firstIn([&](double r) { return from(line + r * out); }, 0, std::min(kGoesOn_m, least_m_ + ties_m));
+        firstIn([&](double r) { return from(line + r * out); }, 0, std::min(kFarAside_m, least_m_ + ties_m));
     if (!found) return;
     const bool nearer_end = std::abs(at_m - way_.length_m) < std::abs(at_m_ - way_.length_m);
     if (*found >= least_m_ - ties_m && !(ties_m > 0 && nearer_end)) return;
@@ -124,14 +126,6 @@ NeedleWay wayOf(const GestureSample& sample, double behind_tip_m) {
   const Vec3 axis = zAxis(normalized(Quat{sample.q_WT[0], sample.q_WT[1], sample.q_WT[2], sample.q_WT[3]}));
   const Vec3 tip{sample.p_WT_m[0], sample.p_WT_m[1], sample.p_WT_m[2]};
   return {tip - sample.insertion_m * axis, axis, sample.insertion_m - behind_tip_m};
-}
-
-bool endsIn(const Anatomy& anatomy, const Target& target, const NeedleWay& way) {
-  return distanceTo(anatomy, target, way.end()) <= 0 && !isBehindHazard(anatomy, target, way);
-}
-
-bool endsInTarget(const Anatomy& anatomy, const NeedleWay& way) {
-  return std::ranges::any_of(anatomy.targets, [&](const Target& t) { return endsIn(anatomy, t, way); });
 }
 
 std::vector<std::string> hazardsOn(const Anatomy& anatomy, const NeedleWay& way) {

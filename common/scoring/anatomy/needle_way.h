@@ -30,10 +30,6 @@ struct NeedleWay {
 /// The way to the tip, or to a point `behind_tip_m` behind it.
 NeedleWay wayOf(const GestureSample& sample, double behind_tip_m = 0);
 
-/// Whether the way ends in the target, and no hazard lies between its near side and the end.
-bool endsIn(const Anatomy& anatomy, const Target& target, const NeedleWay& way);
-/// Whether it ends in one of the targets.
-bool endsInTarget(const Anatomy& anatomy, const NeedleWay& way);
 /// The names of the hazards that the shaft touches between skin and end.
 std::vector<std::string> hazardsOn(const Anatomy& anatomy, const NeedleWay& way);
 
@@ -51,8 +47,8 @@ OffTarget offTarget(const Anatomy& anatomy, const Target& target, const NeedleWa
 /// where a hazard lies between.
 double distanceOn(const Anatomy& anatomy, const Target& target, const NeedleWay& way);
 
-/// endsInTarget for the ticks of a gesture: whether a hazard lies between is asked again when the needle has
-/// moved by 50 µm.
+/// Whether a way ends in one of the targets, and no hazard lies between the target's near side and the end.
+/// Whether one does is asked again when the needle has moved by 50 µm since the last call.
 class InTarget {
  public:
   /// `anatomy` must outlive it.

@@ -132,7 +132,7 @@ const MeasureKind& measureOf(MeasureRole role);
 std::vector<std::string_view> measuresIn(std::uint8_t MeasureKind::*place);
 
 /// Whether the row says 0 N of a tissue that the tip never was in, and nothing is required there: no row of a
-/// table.
+/// score (until definition 12 it was one) or a table.
 bool isOfTissueNotMet(const Measure& row);
 
 /// Returns the words for a row: "Peak force in dura" with the profile's `layerNames`, "Peak force in layer 3"

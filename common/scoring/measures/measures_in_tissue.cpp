@@ -297,8 +297,7 @@ class Clearance {
 };
 
 /// Counted while the tip is in tissue.
-/// - `target_reached`: the tip stayed in a target (InTarget) for the exercise's dwell; less than 0.1 s
-/// outside
+/// - `target_reached`: the tip stayed in a target (InTarget) for the exercise's dwell; up to 0.1 s outside
 ///   does not end a stay. `at_target_s`: the total time there.
 /// - `target_distance_m`: distance of the tip from the nearest target's centre at the furthest point of the
 ///   last insertion; `target_nearest_m`: the least distance at any time.

@@ -245,10 +245,7 @@ void applyRequirements(const pb::Exercise* exercise, const GestureFacts& facts,
     row.words += verdict(row, kind);
   }
   // layers that the tip was never in, or was in without any force
-  std::erase_if(measures, [](const Measure& row) {
-    const MeasureKind* const kind = measureKind(row.name);
-    return kind != nullptr && kind->need == MeasureNeed::kLayer && row.value == 0 && !row.passed;
-  });
+  std::erase_if(measures, isOfTissueNotMet);
 }
 
 bool isMeasureName(std::string_view name) {

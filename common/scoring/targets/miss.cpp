@@ -46,7 +46,7 @@ Miss missAt(const Anatomy& anatomy, const pb::Directions& directions, const Pose
             const NeedleWay& way) {
   Miss miss;
   miss.through = hazardsOn(anatomy, way);
-  miss.in_target = endsInTarget(anatomy, way);
+  miss.in_target = InTarget(anatomy)(way);
   if (miss.in_target) return miss;
   double least_m = std::numeric_limits<double>::infinity();
   for (const Target& target : anatomy.targets) {

@@ -162,6 +162,12 @@ TEST(Miss, behindTheMiddleOfALimbIsTooDeep) {
   EXPECT_EQ(missText(missOfPoint(profile, {0, 0, -0.030})), "Missed: 2.0 mm too deep.");
 }
 
+TEST(Miss, farAsideIsADistanceToo) {
+  pb::Profile profile = halfSpace();
+  addTarget(profile, {0, 0, -0.02}, 0.003);
+  EXPECT_EQ(missText(missOfPoint(profile, {0.303, 0, -0.02})), "Missed by 300.0 mm down the arm.");
+}
+
 TEST(Miss, namesTheHazardsThatTheNeedleCameThrough) {
   pb::Profile profile = halfSpace();
   addTarget(profile, {0, 0, -0.02}, 0.003);
