@@ -35,7 +35,7 @@ std::vector<std::string> hazardsOn(const Anatomy& anatomy, const NeedleWay& way)
 
 /// How far the way's end is from a target, along the way and across it.
 struct OffTarget {
-  /// Above 0: the needle has to come back by this much to be in the target; below 0: it has to go on. If its
+  /// Above 0: the needle has to come back by this much to be in the target; below 0: to go deeper. If its
   /// line misses the target, to where the line comes nearest.
   double too_deep_m = 0;
   /// From the target's edge to where the line comes nearest; 0 if the line meets the target.
