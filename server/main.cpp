@@ -46,7 +46,7 @@ int main(int argc, char** argv) try {
   unsigned retention_every_h = 24;
 
   CLI::App app("needlelab-server: stores what stations record, serves people, fans out live samples.");
-  app.set_version_flag("--version", "needlelab-server " NEEDLELAB_VERSION);
+  app.set_version_flag("--version", "needlelab-server " + needlelab::programVersion());
   app.add_option("--data", options.data, "Folder of the database and of tls/; made at the first start")
       ->required();
   app.add_option(

@@ -85,7 +85,7 @@ CLI::Option* addFormat(CLI::App* command, std::string& name, ExportPlace place, 
 int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream& err) try {
   CLI::App app{
       "needlelab-admin: people, groups, stations, profiles, courses, results, sessions, studies, backup"};
-  app.set_version_flag("--version", std::string("needlelab-admin ") + NEEDLELAB_VERSION);
+  app.set_version_flag("--version", "needlelab-admin " + programVersion());
   app.require_subcommand(1);
   app.fallthrough();  // the options below are allowed after the subcommand, too
   app.footer(

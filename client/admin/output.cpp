@@ -160,7 +160,7 @@ void Output::remark(std::string_view line) {
 }
 
 Status Output::writeJson(const Json& rows, unsigned mode) {
-  const Json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
+  const Json whole = {{"version", programVersion()}, {"machine", machineText()}, {"rows", rows}};
   // invalid UTF-8 (not expected) must not throw
   const std::string text = whole.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   if (!json_file_->empty()) return writeFileAtomically(*json_file_, viewOf(text), mode);

@@ -62,13 +62,12 @@ Status showMoved(Output& output, const StoreMove& move, const StoreMoved& moved)
                               {"bytes", moved.compared.bytes},
                               {"kept", moved.kept.string()}}));
   output.text("Now: needlelab-admin --data " + data + " check; then start the server on " + data +
-              (move.to_postgres
-                   ? " as before. --store is not needed: " + data + "/store says it."
-                   : ", without --store, and enable its backups (deploy/OPERATIONS.md, Backup)."));
+              (move.to_postgres ? " as before. --store is not needed: " + data + "/store says it."
+                                : ", without --store, and enable its backups (OPERATIONS.md, Backup)."));
   if (move.to_postgres)
     output.text(moved.kept.string() +
                 " is the old database: remove it once there is a backup of the new one. Make backups with "
-                "PostgreSQL's tools from now on (deploy/FACULTY.md, From SQLite to PostgreSQL and back).");
+                "PostgreSQL's tools from now on (FACULTY.md, From SQLite to PostgreSQL and back).");
   else
     output.text(
         "The database on PostgreSQL is as it was: remove it (dropdb) once there is a backup of the new one; "

@@ -149,7 +149,7 @@ Status restore(const std::filesystem::path& folder, Output& output, const std::s
     output.text(
         "The replaced database cannot be read (" + oneLine(not_compared) +
         "): accounts and keys that were withdrawn after the backup are valid again; withdraw them again.");
-  if (!result.kept.empty()) output.text("Back to the replaced database: deploy/OPERATIONS.md, Restore.");
+  if (!result.kept.empty()) output.text("Back to the replaced database: OPERATIONS.md, Restore.");
   return {};
 }
 

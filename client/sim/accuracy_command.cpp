@@ -32,15 +32,14 @@ struct AccuracyCommand {
   std::string data;
 };
 
-// Returns the recordings' folder: from the option, the environment, or beside the project; empty if not
-// found.
+// Returns the recordings' folder: from the option or the environment; empty without either.
 Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
   if (!command.data.empty()) {
     if (std::filesystem::is_directory(command.data)) return std::filesystem::path(command.data);
     return Error{ErrorCode::kInvalidInput, "--data " + command.data + ": is not a folder"};
   }
   const char* set = std::getenv("NEEDLELAB_DATA");
-  const std::filesystem::path folder = set != nullptr && *set != 0 ? set : "../shared/data";
+  const std::filesystem::path folder = set != nullptr ? set : "";
   std::error_code unreadable;  // treat as missing
   return std::filesystem::is_directory(folder, unreadable) ? folder : std::filesystem::path();
 }
@@ -195,8 +194,7 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
                     "do not count instructions under valgrind");
   command->add_flag("--count-only", options->count_only)->group("");
   command->add_option("--loop-seconds", options->loop_s)->group("")->check(CLI::Range(0.05, 60.0));
-  command->add_option("--data", options->data,
-                      "folder of the recordings; default: NEEDLELAB_DATA, else ../shared/data");
+  command->add_option("--data", options->data, "folder of the recordings; default: NEEDLELAB_DATA");
   command->callback([options, &chosen] { chosen = [options] { return accuracy(*options); }; });
 }
 

@@ -31,7 +31,7 @@ int runSim(int argc, const char* const* argv) {
     addStabilityCommand(app, chosen);
     addEffectsCommand(app, chosen);
     addStiffnessCommand(app, chosen);
-    const std::string version = std::string("needlelab-sim ") + NEEDLELAB_VERSION;
+    const std::string version = "needlelab-sim " + programVersion();
     app.set_version_flag("--version", version);
     for (CLI::App* command : app.get_subcommands({})) command->set_version_flag("--version", version);
     try {
@@ -76,7 +76,7 @@ Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows) {
 
 Status writeJson(const JsonOption& option, const nlohmann::ordered_json& rows,
                  const nlohmann::ordered_json& more) {
-  nlohmann::ordered_json whole = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
+  nlohmann::ordered_json whole = {{"version", programVersion()}, {"machine", machineText()}, {"rows", rows}};
   whole.update(more);
   const std::string text = whole.dump(2) + "\n";
   if (!option.file.empty()) return writeFileAtomically(option.file, viewOf(text));

@@ -34,6 +34,11 @@ struct EmbeddedFile {
   std::string_view text;
 };
 
+/// The version of every program, recording, score and export: "1.0.0~git20261129.4bd1e890" with the date and
+/// hash of the last commit, "+changed" behind it if the sources differ from that commit. The build writes it
+/// (deploy/cmake/NeedlelabVersion.cmake).
+std::string programVersion();
+
 /// Names the machine; printed beside every measured figure. Processor, cores, system, e.g.
 /// "Intel(R) Xeon(R) …, 2 cores, Linux 6.1.0 x86_64". Reads /proc/cpuinfo: not for the haptic thread.
 std::string machineText();

@@ -35,7 +35,7 @@ class SamplesAsCsv : public SampleWriter {
 class SamplesAsJson : public SampleWriter {
  public:
   void begin(std::string& out, const std::function<std::string()>& session) override {
-    const nlohmann::ordered_json head = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}};
+    const nlohmann::ordered_json head = {{"version", programVersion()}, {"machine", machineText()}};
     out += head.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
     out.back() = ',';  // replaces the closing brace
     out += "\"session\":" + session() + ",\"rows\":[\n";

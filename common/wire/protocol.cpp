@@ -7,6 +7,7 @@
 #include <cassert>
 #include <utility>
 
+#include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/base/text/uuid.h"
 
@@ -130,7 +131,7 @@ std::string versionText(const pb::Version& version) {
 }
 
 std::string programText(const std::string& name) {
-  return "needlelab-" + name + " " NEEDLELAB_VERSION;
+  return "needlelab-" + name + " " + programVersion();
 }
 
 Status checkVersion(const pb::Version& ours, const pb::Version& theirs) {

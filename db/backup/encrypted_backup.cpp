@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/base/text/text.h"
 
@@ -112,7 +113,7 @@ Result<Preamble> checkPreamble(ByteView header, const fs::path& path, const Back
     return Error{ErrorCode::kVersion,
                  fmt::format("{}: its format has version {}, this program (needlelab {}) knows {}: use the "
                              "newer program, or another backup if this one is damaged",
-                             path.string(), format, NEEDLELAB_VERSION, kFormat)};
+                             path.string(), format, programVersion(), kFormat)};
   if (piece_bytes < kMinPieceBytes || piece_bytes > kMaxPieceBytes)
     return corrupt(
         fmt::format("its pieces have {} bytes, {} to {} are possible: it is damaged, take another "

@@ -7,7 +7,7 @@ namespace {
 
 Error notBuilt() {
   return {ErrorCode::kInvalidInput,
-          "--store: these programs were built without PostgreSQL: install it with deploy/setup --faculty, "
+          "--store: these programs were built without PostgreSQL: install libpq-dev (15 or newer), "
           "then build again"};
 }
 

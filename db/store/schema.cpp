@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/program.h"
 #include "db/store/connection.h"
 
 namespace needlelab {
@@ -34,9 +35,9 @@ std::string nameOf(Connection& connection) {
 
 Error newerError(Connection& connection, int found, int known) {
   return {ErrorCode::kVersion,
-          fmt::format("{}: its schema has version {}, this program (needlelab " NEEDLELAB_VERSION
-                      ") knows versions up to {}: use the newer program, or restore a backup",
-                      nameOf(connection), found, known)};
+          fmt::format("{}: its schema has version {}, this program (needlelab {}) knows versions up to {}: "
+                      "use the newer program, or restore a backup",
+                      nameOf(connection), found, programVersion(), known)};
 }
 
 Error foreignSchemaError(Connection& connection, const std::vector<std::string>& faults) {

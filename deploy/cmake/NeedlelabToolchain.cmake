@@ -21,6 +21,12 @@ if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
 endif()
 
+# A release: no path of the computer that built it, a check of the stack and of copies into buffers, addresses that are
+# bound before the program starts.
+add_compile_options("$<$<CONFIG:RelWithDebInfo>:-ffile-prefix-map=${CMAKE_SOURCE_DIR}/=;-fstack-protector-strong>")
+add_compile_definitions($<$<CONFIG:RelWithDebInfo>:_FORTIFY_SOURCE=2>)
+add_link_options("$<$<CONFIG:RelWithDebInfo>:-Wl,-z,relro,-z,now>" -Wl,--as-needed)
+
 find_program(NEEDLELAB_CCACHE ccache)
 if(NEEDLELAB_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # Without these, ccache does not cache files that use precompiled headers (none of our sources uses __TIME__).

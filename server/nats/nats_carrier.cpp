@@ -195,7 +195,7 @@ void onNatsError(natsConnection* connection, natsSubscription* /*sub*/, natsStat
                {{"text", lastErrorOf(connection, status)},
                 {"advice",
                  "the NATS server's permissions must name this lab's subjects "
-                 "(deploy/faculty/nats-server.conf)"}});
+                 "(nats-server.conf of the faculty's files: FACULTY.md)"}});
   } catch (...) {
   }
 }

@@ -24,15 +24,14 @@
 namespace needlelab {
 namespace {
 
-/// PREFIX/share/needlelab/web for an installed program (in PREFIX/bin), otherwise in the build tree.
+/// PREFIX/share/needlelab/web for an installed program (in PREFIX/bin), otherwise in the source tree (of
+/// build/PRESET/bin).
 std::filesystem::path defaultWebRoot() {
   std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  if (!error) {
-    const auto installed = program.parent_path().parent_path() / "share/needlelab/web";
-    if (std::filesystem::is_directory(installed, error)) return installed;
-  }
-  return NEEDLELAB_WEB_ROOT;
+  const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  const auto installed = folder.parent_path() / "share/needlelab/web";
+  if (std::filesystem::is_directory(installed, error)) return installed;
+  return folder.parent_path().parent_path().parent_path() / "client/web";
 }
 
 /// Whether a route at this address accepts a body.

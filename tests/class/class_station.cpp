@@ -13,6 +13,7 @@
 #include "client/sim/tools/closed_loop.h"
 #include "client/station/run/io/station_key.h"
 #include "client/station/run/lesson/lesson.h"
+#include "common/base/program.h"
 #include "common/fem/needle_mesh.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/profile.h"
@@ -163,7 +164,7 @@ Result<std::shared_ptr<SpoolSession>> ClassStation::record(const ClassSession& a
   d.set_profile_id(lesson.profile.id());
   d.set_profile_revision(lesson.profile_revision);
   d.set_profile_json(profileJson(lesson.profile));
-  d.set_engine_version(NEEDLELAB_VERSION);
+  d.set_engine_version(programVersion());
   d.set_rate_hz(kClassRate_hz);
   const Resolution resolution = Resolution::standard();
   setResolution(d, resolution);

@@ -12,6 +12,7 @@
 
 #include "client/net/uplink/uplink.h"
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "common/base/time/clock.h"
 #include "common/wire/tls.h"
 #include "tests/durability/station_ledger.h"
@@ -87,7 +88,7 @@ pb::SessionDescription describe(const std::string& station, double rate_hz) {
   description.set_exercise_id("practice");
   description.set_profile_id("practice");
   description.set_profile_json("{}");
-  description.set_engine_version(NEEDLELAB_VERSION);
+  description.set_engine_version(programVersion());
   description.set_rate_hz(rate_hz);
   description.set_started_unix_ns(wallNowNs());
   setResolution(description, Resolution::standard());

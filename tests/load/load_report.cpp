@@ -177,7 +177,7 @@ Json loadJson(const LoadResult& r) {
       {"good", r.good()},
       {"faults", r.stored.faults},
       {"troubles", r.troubles},
-      {"version", NEEDLELAB_VERSION},
+      {"version", programVersion()},
       {"machine", machineText()},
       {"when", r.when},
   };

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "client/net/uplink/uplink.h"
+#include "common/base/program.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/sample.h"
@@ -297,7 +298,7 @@ pb::Envelope LoadStation::openMessage() const {
   d.set_exercise_id("load");
   d.set_profile_id(shared_.pool->profile_id);
   d.set_profile_json(shared_.pool->profile_json);
-  d.set_engine_version("needlelab-load " NEEDLELAB_VERSION);
+  d.set_engine_version("needlelab-load " + programVersion());
   d.set_rate_hz(1000);
   const Resolution resolution = Resolution::standard();
   d.mutable_resolution()->set_length_m(resolution.length_m);

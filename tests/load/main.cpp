@@ -40,7 +40,7 @@ int main(int argc, char** argv) try {
       "every stored sample is compared with what was generated. Exit code 0 only if nothing is lost, doubled "
       "or different.",
       "needlelab-load"};
-  app.set_version_flag("--version", "needlelab-load " NEEDLELAB_VERSION);
+  app.set_version_flag("--version", "needlelab-load " + programVersion());
   app.add_option("--stations", options.stations, "how many, each at 1 kHz")->capture_default_str();
   app.add_option("--viewers", options.viewers, "who split the stations between them, at full rate")
       ->capture_default_str();

@@ -26,7 +26,9 @@ class InstallTest : public testing::Test {
     ASSERT_EQ(code, 0) << said;
   }
   [[nodiscard]] fs::path root() const { return folder_.path() / "root"; }
-  [[nodiscard]] fs::path unit(const std::string& name) const { return root() / "etc/systemd/system" / name; }
+  [[nodiscard]] fs::path unit(const std::string& name) const {
+    return root() / "opt/nl/lib/systemd/system" / name;
+  }
   std::pair<int, std::string> run(const std::string& program, const std::vector<std::string>& arguments) {
     Process process(program, arguments, folder_.path() / ("log" + std::to_string(++runs_)));
     const auto code = process.wait();
@@ -56,6 +58,18 @@ TEST_F(InstallTest, putsProgramsUnitsAndGuideInPlace) {
                 .first,
             0);
   EXPECT_EQ(*readWholeFile(root() / "etc/needlelab/server.conf"), "mine");
+}
+
+TEST_F(InstallTest, programsFindTheirFilesInAFolderThatWasMoved) {
+  fs::rename(root() / "opt/nl", folder_.path() / "elsewhere");
+  const fs::path bin = folder_.path() / "elsewhere/bin", out = folder_.path() / "demo";
+  const auto [code, said] =
+      run("/usr/bin/env", {"-u", "DISPLAY", "bash", std::string(NEEDLELAB_SOURCE "/deploy/needlelab-demo"),
+                           "--headless", "--seconds", "6", "--bin", bin, "--out", out});
+  EXPECT_EQ(code, 0) << said;
+  EXPECT_THAT(said, HasSubstr("the lesson is stored and verified"));
+  EXPECT_THAT(*readWholeFile(out / "latest/server.log"),
+              HasSubstr((bin.parent_path() / "share/needlelab/web").string()));
 }
 
 TEST_F(InstallTest, theCommandLinesOfTheUnitsAreUnderstood) {

@@ -100,5 +100,5 @@ copy_sources() {
   local name programs=()
   for name in server admin station instructor sim; do [ ! -x "$built/bin/needlelab-$name" ] || programs+=("bin/needlelab-$name"); done
   tar -C "$source" --exclude=./build --exclude=./.git -cf - . | on "$1" sh -c 'mkdir -p /root/nl/build/release && tar -xf - -C /root/nl'
-  tar -C "$built" -cf - "${programs[@]}" | on "$1" tar -xf - -C /root/nl/build/release
+  tar -C "$built" -cf - cmake_install.cmake "${programs[@]}" | on "$1" tar -xf - -C /root/nl/build/release
 }

@@ -114,10 +114,11 @@ Error usbError(const std::string& doing, int code) {
   const std::string what = doing + ": ";
   switch (code) {
     case LIBUSB_ERROR_ACCESS:
-      return {ErrorCode::kDenied,
-              what +
-                  "this user may not use it; run sudo deploy/realtime USER (it installs the udev rule for "
-                  "0403:cb48), log in again, unplug the Falcon and plug it in again"};
+      return {
+          ErrorCode::kDenied,
+          what +
+              "this user may not use it; run sudo usermod -aG needlelab USER, log in again, unplug the Falcon and "
+              "plug it in again (without that group see BRINGUP.md, step 2: a udev rule for 0403:cb48)"};
     case LIBUSB_ERROR_BUSY:
       return {
           ErrorCode::kUnavailable,

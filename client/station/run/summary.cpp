@@ -294,7 +294,7 @@ std::string summaryJson(const StationSummary& s, const std::vector<StationSummar
   for (const StationSummary& before : earlier) rows.push_back(rowOf(before));
   const Json row = rowOf(s);
   rows.push_back(row);
-  Json all = {{"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", std::move(rows)}};
+  Json all = {{"version", programVersion()}, {"machine", machineText()}, {"rows", std::move(rows)}};
   all.update(row);
   return all.dump(1) + "\n";
 }

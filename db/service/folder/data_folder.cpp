@@ -44,7 +44,7 @@ constexpr std::string_view kOwnFiles[] = {
     "lock",          "pseudonym.key",        kErasuresFile, kAuditKeyFile,     kAuditHeadFile,
     kRestorePending, kReplacedAuditHeadFile, kStoreFile,    kAcknowledgedFile, kServerFile};
 
-/// Other files there: SQLite's, and what an undone restore leaves (deploy/OPERATIONS.md).
+/// Other files there: SQLite's, and what an undone restore leaves (OPERATIONS.md).
 constexpr std::string_view kOthersOwnFiles[] = {"needlelab.db-wal", "needlelab.db-shm",
                                                 "needlelab.db-journal", "audit.head.replaced-undone"};
 
@@ -285,7 +285,7 @@ Result<RestoreResult> restoreFrom(const fs::path& folder, const fs::path& from, 
   if (fs::exists(folder / kStoreFile, error))
     return refused("--data", folder,
                    "its database is on PostgreSQL, whose backups its own tools make and restore: see "
-                   "deploy/FACULTY.md");
+                   "FACULTY.md");
   if (fs::equivalent(from, database, error)) return refused("--from", from, "this is the database itself");
   for (const char* suffix : {"-wal", "-journal"})
     if (const fs::path log = from.string() + suffix; fs::exists(log, error) && fs::file_size(log, error) > 0)

@@ -42,7 +42,7 @@ std::filesystem::path folderOf(Connection& connection) {
 /// What an erasure cannot reach in PostgreSQL's files.
 constexpr const char* kTextOnPostgres =
     "PostgreSQL keeps what was erased in free parts of its pages, its log, the archive of the log, standbys, "
-    "base backups and dumps until these are overwritten or removed: see deploy/FACULTY.md, \"Erasure on "
+    "base backups and dumps until these are overwritten or removed: see FACULTY.md, \"Erasure on "
     "PostgreSQL\". ";
 
 Status checkRoomToErase(Connection& connection, const std::string& ref) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <type_traits>
 
+#include "common/base/program.h"
 #include "db/service/requests/handlers.h"
 
 namespace needlelab {
@@ -285,7 +286,7 @@ Status checkRole(const Principal& principal, pb::Request::CallCase call) {
   const RequestRow* row = requestRow(call);
   if (row == nullptr) {
     return Error{ErrorCode::kInvalidInput,
-                 "the request holds no call that this program (needlelab " NEEDLELAB_VERSION ") knows"};
+                 "the request holds no call that this program (needlelab " + programVersion() + ") knows"};
   }
   if (mayAsk(*row, principal.role)) return {};
   std::string who;

@@ -4,6 +4,7 @@
 #include <span>
 #include <utility>
 
+#include "common/base/program.h"
 #include "common/base/time/clock.h"
 #include "common/profile/profile.h"
 #include "common/profile/strict_json.h"
@@ -83,7 +84,7 @@ pb::Score newScore(const Uuid& session, const std::string& measures_json) {
   score.set_measures_json(measures_json);
   if (const auto passed = verdictsOf(measures_json).passed()) score.set_passed(*passed);
   score.set_made_unix_ns(wallNowNs());
-  score.set_engine_version(NEEDLELAB_VERSION);
+  score.set_engine_version(programVersion());
   return score;
 }
 

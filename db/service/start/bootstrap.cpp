@@ -11,6 +11,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "db/audit/audit_head.h"
@@ -45,8 +46,8 @@ Status fillNewDatabase(Connection& connection) {
   ASSIGN_OR_RETURN(const auto lab, meta.get(kLabKey));
   if (!lab) RETURN_IF_ERROR(meta.set(kLabKey, uuidText(makeUuidV7())));
   ASSIGN_OR_RETURN(const auto engine, meta.get("engine_version"));
-  if (engine != std::string(NEEDLELAB_VERSION)) {
-    RETURN_IF_ERROR(meta.set("engine_version", NEEDLELAB_VERSION));
+  if (engine != programVersion()) {
+    RETURN_IF_ERROR(meta.set("engine_version", programVersion()));
   }
   return transaction.commit();
 }

@@ -7,6 +7,7 @@
 #include <map>
 #include <string>
 
+#include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "db/service/requests/requests.h"
@@ -381,7 +382,7 @@ void process(PrometheusText& out, const ProcessFacts& facts) {
   out.gauge("process_start_time_seconds", facts.started_unix_s,
             "When the process was started, seconds since 1970.");
   out.metric("needlelab_build_info", "gauge", "1, with the version in its labels.");
-  out.sample(1, {{"version", NEEDLELAB_VERSION}, {"compiler", __VERSION__}});
+  out.sample(1, {{"version", programVersion()}, {"compiler", __VERSION__}});
 }
 
 }  // namespace

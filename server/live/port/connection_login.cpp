@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/program.h"
 #include "common/base/secret.h"
 #include "common/base/time/clock.h"
 #include "common/wire/protocol.h"
@@ -298,7 +299,7 @@ Task<> PeerConnection::welcome(std::int64_t password_ns) {
   welcome.set_name(who_.shown());
   welcome.set_role(who_.role);
   welcome.set_server_unix_ns(wallNowNs());
-  welcome.set_server_version(NEEDLELAB_VERSION);
+  welcome.set_server_version(programVersion());
   welcome.set_keepalive_ms(static_cast<std::uint32_t>(channel_->limits().keepalive.count()));
 
   channel_->established();

@@ -17,6 +17,7 @@
 #include "client/station/run/loop/black_box.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/servo_loop.h"
+#include "common/base/program.h"
 #include "common/base/time/clock.h"
 #include "tests/support/scenes/scenes.h"
 #include "tests/support/temp_folder.h"
@@ -63,7 +64,7 @@ Status runLoop(const SliceOptions& options, SliceResult& result) {
   description.set_trainee("bench");
   description.set_profile_id("bench");
   description.set_profile_json("{}");
-  description.set_engine_version(NEEDLELAB_VERSION);
+  description.set_engine_version(programVersion());
   description.set_device((*device)->info().name);
   description.set_rate_hz(options.rate_hz);
   setResolution(description, Resolution::standard());

@@ -32,7 +32,7 @@ int measure(const SliceOptions& options) {
   }
   progress("viewers that do not read");
   addViewers(figures, options.slice_s);
-  nlohmann::ordered_json more = {{"version", NEEDLELAB_VERSION},
+  nlohmann::ordered_json more = {{"version", programVersion()},
                                  {"machine", machineText()},
                                  {"seconds_each", options.seconds},
                                  {"slice_s", options.slice_s},

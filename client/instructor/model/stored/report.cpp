@@ -11,6 +11,7 @@
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/base/units.h"
 #include "common/gesture/sample.h"
@@ -403,7 +404,7 @@ std::string reportHtml(const ReportData& data) {
   out += heading("The gesture") + gesturePlotsOf(data);
   out += heading("Events and remarks") + eventsOf(data);
   out += heading("Progress at this exercise") + progressOfTrainee(data);
-  out += "<p class='d'>needlelab " NEEDLELAB_VERSION
+  out += "<p class='d'>needlelab " + programVersion() +
          ". Bar: from the least to the greatest value of the experts; diamond: this "
          "gesture.</p>\n</body>\n</html>\n";
   return out;

@@ -271,7 +271,7 @@ std::string toolFileText(const Pose& X_HT, const ToolNotes& notes) {
   // parses the text of the pose's only writer
   auto json = nlohmann::ordered_json::parse(poseOptionJson(X_HT));
   json["calibration"] = {{"made", isoTime(notes.made_unix_ns)},
-                         {"program", std::string("needlelab-station ") + NEEDLELAB_VERSION},
+                         {"program", "needlelab-station " + programVersion()},
                          {"machine", machineText()},
                          {"device", notes.device},
                          {"axis", notes.axis},

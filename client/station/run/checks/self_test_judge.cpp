@@ -197,7 +197,10 @@ void judgeDevice(const DeviceFacts& f, std::vector<Check>& checks) {
         step.name == "memory lock" || step.name == "FIFO priority" || step.name == "idle states";
     checks.push_back(
         {step.name, step.ok ? Verdict::kOk : Verdict::kWarning, step.message, "",
-         step.ok || !right ? "" : "give this user the rights for real time: deploy/BRINGUP.md, step 2"});
+         step.ok || !right
+             ? ""
+             : "give this user the rights for real time: sudo usermod -aG needlelab USER, log out and "
+               "in again; without that group see BRINGUP.md, step 2"});
   }
 }
 

@@ -52,7 +52,7 @@ bool EnterKey::pressed() {
 
 std::string reportJson(const nlohmann::ordered_json& rows) {
   const nlohmann::ordered_json report = {
-      {"version", NEEDLELAB_VERSION}, {"machine", machineText()}, {"rows", rows}};
+      {"version", programVersion()}, {"machine", machineText()}, {"rows", rows}};
   // device text that is not UTF-8 must not end the program
   return report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }

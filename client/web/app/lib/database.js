@@ -45,7 +45,7 @@ export function missing({ lack }) {
     kind: 'bad',
     name: 'confirmed recordings are missing',
     means: lack,
-    next: 'deploy/FACULTY.md has the steps ("The wrong standby was promoted"). This message stays until the server is restarted.',
+    next: 'FACULTY.md has the steps ("The wrong standby was promoted"). This message stays until the server is restarted.',
   };
 }
 

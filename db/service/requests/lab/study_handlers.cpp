@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/body/path_snapshot.h"
@@ -309,7 +310,7 @@ Result<pb::Reply> exportStudy(const Context& context, const pb::ExportStudy& cal
                                    {"format", 2},
                                    {"people", people.size()},
                                    {"sessions", sessions->size()},
-                                   {"program", "needlelab " NEEDLELAB_VERSION}})
+                                   {"program", "needlelab " + programVersion()}})
                             .dump());
       room.take(list->records(0).size());
     }

@@ -60,11 +60,12 @@ Result<std::filesystem::path> backupTarget(const Context& context, const pb::Bac
 Result<pb::Reply> verifyRestored(const Context& context, const pb::Backup& call) {
   const bool is_address = call.path().starts_with("postgresql://") || call.path().starts_with("postgres://");
   if (!is_address || call.keep() > 0)
-    return Error{ErrorCode::kInvalidInput,
-                 "this lab's database is on PostgreSQL, whose own tools make its backups: deploy/faculty/"
-                 "backup, or pg_basebackup or pg_dump by hand. Restore one elsewhere, and give the address "
-                 "of that database, postgresql://USER@HOST/DATABASE, to needlelab-admin backup verified "
-                 "(deploy/FACULTY.md)"};
+    return Error{
+        ErrorCode::kInvalidInput,
+        "this lab's database is on PostgreSQL, whose own tools make its backups: the script "
+        "faculty/backup, or pg_basebackup or pg_dump by hand. Restore one elsewhere, and give the address "
+        "of that database, postgresql://USER@HOST/DATABASE, to needlelab-admin backup verified "
+        "(FACULTY.md)"};
   // logged even if nothing answers there
   const auto note = [&] {
     return write(context, call.path(), "to be compared with this database",
@@ -214,7 +215,7 @@ Result<pb::Reply> check(const Context& context, const pb::Check&) {
           ErrorCode::kCorrupt,
           fmt::format("{}: is missing, although people were erased: a late session under the name of "
                       "one of them would be a namesake's. Put it back from where keys are kept "
-                      "(deploy/OPERATIONS.md)",
+                      "(OPERATIONS.md)",
                       (folder / "pseudonym.key").string())};
     if (lacks(listed, known))
       return Error{ErrorCode::kCorrupt,

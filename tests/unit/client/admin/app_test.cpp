@@ -13,6 +13,7 @@
 #include "client/admin/command.h"
 #include "common/base/bytes.h"
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "db/sessions/session_results.h"
 #include "db/store/schema.h"
 #include "tests/support/temp_folder.h"
@@ -482,7 +483,7 @@ TEST_F(AdminApp, jsonGoesToAFileWholly) {
   EXPECT_TRUE(result.out.empty());
   std::ifstream in(file("users.json"));
   const auto whole = nlohmann::json::parse(in);
-  EXPECT_EQ(whole.at("version"), NEEDLELAB_VERSION);
+  EXPECT_EQ(whole.at("version"), programVersion());
   EXPECT_TRUE(whole.contains("machine"));
   EXPECT_EQ(whole.at("rows")[0].at("name"), "tom");
   EXPECT_EQ(onData({"user", "list", "--json", file("none/users.json")}).code, 2);
@@ -491,7 +492,7 @@ TEST_F(AdminApp, jsonGoesToAFileWholly) {
 TEST_F(AdminApp, helpAndVersionAreZero) {
   EXPECT_EQ(run({"--help"}).code, 0);
   EXPECT_EQ(run({"user", "add", "--help"}).code, 0);
-  EXPECT_EQ(run({"--version"}).out, "needlelab-admin " NEEDLELAB_VERSION "\n");
+  EXPECT_EQ(run({"--version"}).out, "needlelab-admin " + programVersion() + "\n");
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "client/admin/session_export.h"
+#include "common/base/program.h"
 #include "common/base/text/csv.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/recording.h"
@@ -51,7 +52,7 @@ TEST_F(SessionExport, jsonHoldsEverySampleAndTheSession) {
   const std::string id = uuidText(addSession(2));
   good({"session", "export", id, "--format", "json", "--out", file("g.json")});
   const auto whole = nlohmann::json::parse(content("g.json"));
-  EXPECT_EQ(whole.at("version"), NEEDLELAB_VERSION);
+  EXPECT_EQ(whole.at("version"), programVersion());
   EXPECT_EQ(whole.at("session").at("session_id"), id);
   ASSERT_EQ(whole.at("rows").size(), 40u);
   EXPECT_EQ(whole.at("rows")[39].at("tick"), 39);

@@ -14,6 +14,7 @@
 #include "client/device/pose_option.h"
 #include "client/sim/tools/offline_scene.h"
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "common/base/text/csv.h"
 #include "common/haptics/geometry.h"
 #include "common/profile/profile.h"
@@ -453,7 +454,7 @@ TEST(SimApp, helpAndVersionAreEverywhere) {
       arguments.emplace_back(flag);
       const auto outcome = sim(arguments);
       EXPECT_EQ(outcome.code, 0);
-      EXPECT_THAT(outcome.out, HasSubstr(flag == std::string("--version") ? NEEDLELAB_VERSION : "Usage"));
+      EXPECT_THAT(outcome.out, HasSubstr(flag == std::string("--version") ? programVersion() : "Usage"));
     }
   }
   EXPECT_EQ(sim({}).code, 2);

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "common/base/files/files.h"
+#include "common/base/program.h"
 #include "common/base/text/csv.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
@@ -95,7 +96,7 @@ TEST(ScoreCommand, measuresAStrokeThatIsKnown) {
                             "--trajectory", trajectory.string(), "--json"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const json whole = json::parse(outcome.out);
-  EXPECT_EQ(whole.at("version"), NEEDLELAB_VERSION);
+  EXPECT_EQ(whole.at("version"), programVersion());
   EXPECT_FALSE(whole.at("machine").get<std::string>().empty());
   EXPECT_NEAR(valueOf(whole, "elapsed_s"), 3, 0.002);
   EXPECT_NEAR(valueOf(whole, "path_length_m"), 0.08, 1e-3);

@@ -1,6 +1,7 @@
 // The table of export formats. The console reads it from client/web/app/lib/export_formats.js, which a test
 // here makes: NEEDLELAB_WRITE_FORMATS=1 bin/export_test --gtest_filter='Console*'
 #include "common/export/export_formats.h"
+#include "common/base/program.h"
 
 #include <fmt/core.h>
 #include <gmock/gmock.h>
@@ -118,7 +119,7 @@ TEST(ExportFormats, samplesAsCsvAreRowsBelowAHeader) {
 
 TEST(ExportFormats, samplesAsJsonHaveTheSessionAndTheRows) {
   const std::string text = written(*formatAt(kSessionExport, "json").samples());
-  EXPECT_TRUE(text.starts_with("{\"version\":\"" NEEDLELAB_VERSION "\",\"machine\":\"")) << text;
+  EXPECT_TRUE(text.starts_with("{\"version\":\"" + programVersion() + "\",\"machine\":\"")) << text;
   EXPECT_THAT(text, HasSubstr("\",\"session\":{\"station\":\"s1\"},\"rows\":[\n{\"t_s\":0,"));
   EXPECT_THAT(text, HasSubstr("},\n{\"t_s\":0.001,\"tick\":1,"));
   EXPECT_TRUE(text.ends_with("}\n]}\n"));

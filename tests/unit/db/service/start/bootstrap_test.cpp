@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/program.h"
 #include "common/base/time/clock.h"
 #include "db/store/schema.h"
 #include "db/teaching/documents.h"
@@ -61,7 +62,7 @@ TEST(Bootstrap, aSecondStartKeepsExistingData) {
       << "samples came again";
   auto reader = store->readers().borrow();
   EXPECT_TRUE(StationStore(**reader).find("lab-1")->has_value());
-  EXPECT_EQ(**MetaStore(**reader).get("engine_version"), NEEDLELAB_VERSION);
+  EXPECT_EQ(**MetaStore(**reader).get("engine_version"), programVersion());
 }
 
 TEST(Bootstrap, twoProcessesNeverShareAFolder) {
