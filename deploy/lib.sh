@@ -10,13 +10,11 @@ say() { printf '\n== %s  [%s s]\n' "$*" "$(($(date +%s) - started))"; }
 die() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
 
 # build PRESET [TARGET ...]: configures if needed and builds; prints compiler output only if something is wrong.
-# `demo` is `quick` without its tests, in the same folder; a folder configured as quick with its tests stays so.
+# `demo` is `quick` and `install` is `release` without tests, in the same folder; one configured with its tests stays so.
 build() {
   local preset=$1 folder=$1; shift
-  if [ "$preset" = demo ]; then
-    folder=quick
-    ! grep -qs '^NEEDLELAB_BUILD_TESTS:BOOL=ON' "$root/build/quick/CMakeCache.txt" || preset=quick
-  fi
+  case $preset in demo) folder=quick ;; install) folder=release ;; esac
+  ! grep -qs '^NEEDLELAB_BUILD_TESTS:BOOL=ON' "$root/build/$folder/CMakeCache.txt" || preset=$folder
   local log=$root/build/$folder.log
   mkdir -p "$root/build"
   # with a new compiler, CMake forgets the preset's other variables

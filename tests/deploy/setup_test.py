@@ -19,7 +19,7 @@ def packages():
     for line in (ROOT / "deploy" / "packages.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("#"):
             continue
-        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|faculty|test|nightly)( +#.*)?", line)
+        words = re.fullmatch(r"([a-z0-9.+-]+) +(demo|faculty|test|package|nightly)( +#.*)?", line)
         assert words, line
         assert words[1] not in found, f"{words[1]} stands twice"
         found[words[1]] = words[2]
@@ -56,7 +56,8 @@ class Setup(unittest.TestCase):
     def test_lists_the_packages_of_the_demo_with_those_of_the_tests_and_with_those_of_the_fuzzers(self):
         wanted = packages()
         self.assertEqual(listed("--nightly"), list(wanted))
-        self.assertEqual(listed(), [name for name, group in wanted.items() if group != "nightly"])
+        self.assertEqual(listed(), [name for name, group in wanted.items() if group in ("demo", "faculty", "test")])
+        self.assertEqual(listed("--package"), [name for name, group in wanted.items() if group in ("demo", "faculty", "package")])
         self.assertEqual(listed("--demo"), [name for name, group in wanted.items() if group == "demo"])
         self.assertEqual(listed("--faculty"), [name for name, group in wanted.items() if group in ("demo", "faculty")])
 

@@ -3,10 +3,9 @@
 
 usage: ten_steps_test.py SOURCE_FOLDER BIN_FOLDER
 The programs' commands run as they are written, at a terminal that types the passwords, with other names only: localhost for the lab's, folders of
-the test's for the server's and the station's. Of what would change the machine (deploy/, cmake, sudo, systemctl, a firewall) files, options,
-presets, units and ports are compared with the sources.
+the test's for the server's and the station's. Of what would change the machine (deploy/, sudo, systemctl, a firewall) files, options,
+packages, units and ports are compared with the sources.
 """
-import json
 import os
 import pathlib
 import pty
@@ -88,15 +87,14 @@ class TenSteps(unittest.TestCase):
         return script
 
     def installs(self, block):
-        """Checks that files, options and presets exist."""
+        """Checks that scripts, options and packages exist."""
         for name, words in re.findall(r"deploy/(\w+)([^&\n]*)", block):
             script = (ROOT / "deploy" / name).read_text(encoding="utf-8")
             for option in re.findall(r"--[a-z-]+", words):
                 self.assertIn(f"{option})", script, f"deploy/{name} has no {option}")
-        presets = json.loads((ROOT / "CMakePresets.json").read_text(encoding="utf-8"))
-        for preset in re.findall(r"--preset (\w+)", block):
-            for kind in ("configurePresets", "buildPresets"):
-                self.assertIn(preset, {one["name"] for one in presets[kind]})
+        packages = re.findall(r"^Package: (\S+)$", (ROOT / "deploy/debian/control").read_text(encoding="utf-8"), re.MULTILINE)
+        for package in re.findall(r"apt install (\S+)", block):
+            self.assertIn(package, packages)
 
     def starts(self, options, command):
         units = re.findall(r"needlelab-\w+\.\w+", command)
