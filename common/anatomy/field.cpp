@@ -9,14 +9,35 @@ namespace needlelab {
 namespace {
 
 constexpr double kFar_m = 1e3;  // no part of the group is near
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// what is left out is left out by this margin: far more than rounding can move a distance of a metre
-constexpr double kRounding_m = 1e-9;
 
-double smoothMinimum(double a, double b, double blend_m) noexcept {
-  const double least = std::min(a, b);
-  const double overlap = blend_m - std::fabs(a - b);
-  return overlap > 0 ? least - overlap * overlap / (4 * blend_m) : least;
+/// A distance with its slope, as a number: rules and joins are written once for both.
+struct Sloped {
+  double value_m = 0;
+  Vec3 slope;
+  Sloped() = default;
+  Sloped(double value) : value_m(value) {}  // NOLINT: a number that does not change
+  Sloped(double value, Vec3 change) : value_m(value), slope(change) {}
+  Sloped operator-() const { return {-value_m, slope * -1.0}; }
+  friend Sloped operator-(const Sloped& a, const Sloped& b) {
+    return {a.value_m - b.value_m, a.slope - b.slope};
+  }
+  friend Sloped operator*(const Sloped& a, const Sloped& b) {
+    return {a.value_m * b.value_m, a.slope * b.value_m + b.slope * a.value_m};
+  }
+  friend Sloped operator/(const Sloped& a, double b) { return {a.value_m / b, a.slope / b}; }
+  friend bool operator<(const Sloped& a, const Sloped& b) { return a.value_m < b.value_m; }
+  friend bool operator>(const Sloped& a, const Sloped& b) { return a.value_m > b.value_m; }
+};
+Sloped fabs(const Sloped& a) {
+  return a.value_m < 0 ? -a : a;
+}
+
+template <class Number>
+Number smoothMinimum(const Number& a, const Number& b, double blend_m) noexcept {
+  using std::fabs;
+  const Number least = std::min(a, b);
+  const Number overlap = blend_m - fabs(a - b);
+  return overlap > Number(0.0) ? least - overlap * overlap / (4 * blend_m) : least;
 }
 
 /// The signed distance of a point from an ellipsoid with the radii r, both along its axes: the nearest point
@@ -24,7 +45,8 @@ double smoothMinimum(double a, double b, double blend_m) noexcept {
 /// "Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid"). F falls and is convex there:
 /// Newton's step from any place ends up left of the root, and further steps approach it without passing it.
 /// The first step starts at t = 0, the surface.
-double nearestOnEllipsoid(Vec3 p_m, Vec3 r_m) noexcept {
+/// `out`: becomes the surface's normal there, which is the distance's slope.
+double nearestOnEllipsoid(Vec3 p_m, Vec3 r_m, Vec3* out = nullptr) noexcept {
   constexpr double kOnAxis_m = 1e-9;  // on a plane of symmetry the root would be at the pole
   const double last_step_m2 = 1e-9 * std::min({r_m.x, r_m.y, r_m.z});  // half a nanometre off
   const Vec3 p{std::max(std::fabs(p_m.x), kOnAxis_m), std::max(std::fabs(p_m.y), kOnAxis_m),
@@ -43,131 +65,16 @@ double nearestOnEllipsoid(Vec3 p_m, Vec3 r_m) noexcept {
     if (std::fabs(step) < last_step_m2) break;
     t = std::max(t + step, left);
   }
-  return t * norm({p.x * inverse.x, p.y * inverse.y, p.z * inverse.z});
-}
-
-std::size_t indexOf(const std::vector<FieldGroup>& groups, const std::string& id) {
-  const auto found =
-      std::find_if(groups.begin(), groups.end(), [&](const auto& one) { return one.id == id; });
-  assert(found != groups.end());
-  return static_cast<std::size_t>(found - groups.begin());
-}
-
-StructureIndex indexOf(const std::vector<FieldStructure>& structures, const std::string& id) {
-  const auto found =
-      std::find_if(structures.begin(), structures.end(), [&](const auto& one) { return one.id == id; });
-  assert(found != structures.end());
-  return static_cast<StructureIndex>(found - structures.begin());
+  const Vec3 outwards{p.x * inverse.x, p.y * inverse.y, p.z * inverse.z};
+  const double length = norm(outwards);
+  if (out != nullptr)
+    *out = Vec3{std::copysign(outwards.x, p_m.x), std::copysign(outwards.y, p_m.y),
+                std::copysign(outwards.z, p_m.z)} /
+           length;
+  return t * length;
 }
 
 }  // namespace
-
-// ---- made from a spec ----
-
-void Field::addSegment(std::uint8_t group, double blend_m, const CapsulePart& capsule) {
-  Part part{};
-  part.kind = Kind::kCapsule;
-  part.group = group;
-  part.blend_m = blend_m;
-  part.a = capsule.a_m;
-  part.b = capsule.b_m - capsule.a_m;
-  part.radius_m = capsule.radius_a_m;
-  part.growth_m = capsule.radius_b_m - capsule.radius_a_m;
-  const double length_squared = normSquared(part.b);
-  part.inverse = length_squared > 0 ? 1 / length_squared : 0;
-  steep_ = std::max(steep_, std::sqrt(1 + part.growth_m * part.growth_m * part.inverse));
-  parts_.push_back(part);
-  balls_.push_back(
-      {capsule.a_m + part.b * 0.5, 0.5 * norm(part.b) + std::max(capsule.radius_a_m, capsule.radius_b_m)});
-}
-
-void Field::addPart(std::uint8_t group, const FieldPart& spec) {
-  if (const auto* const capsule = std::get_if<CapsulePart>(&spec.shape)) {
-    addSegment(group, spec.blend_m, *capsule);
-    numbers_ += 9;
-  } else if (const auto* const tube = std::get_if<TubePart>(&spec.shape)) {
-    for (std::size_t i = 1; i < tube->points.size(); ++i) {
-      const TubePart::Point &from = tube->points[i - 1], &to = tube->points[i];
-      // the first piece blends with the group; its followers share a ball with the piece before
-      addSegment(group, i == 1 ? spec.blend_m : 0, {from.at_m, to.at_m, from.radius_m, to.radius_m});
-    }
-    numbers_ += 4 * tube->points.size() + 1;
-  } else if (const auto* const ellipsoid = std::get_if<EllipsoidPart>(&spec.shape)) {
-    Part part{};
-    part.kind = Kind::kEllipsoid;
-    part.group = group;
-    part.blend_m = spec.blend_m;
-    part.a = ellipsoid->center_m;
-    part.b = ellipsoid->radii_m;
-    part.inverses = {1 / part.b.x, 1 / part.b.y, 1 / part.b.z};
-    part.x = normalized(ellipsoid->x_axis);
-    part.z = normalized(cross(part.x, ellipsoid->y_axis));
-    part.y = cross(part.z, part.x);
-    parts_.push_back(part);
-    balls_.push_back({part.a, std::max({part.b.x, part.b.y, part.b.z})});
-    numbers_ += 13;
-  } else {
-    const auto& half_space = std::get<HalfSpacePart>(spec.shape);
-    Part part{};
-    part.kind = Kind::kHalfSpace;
-    part.group = group;
-    part.blend_m = spec.blend_m;
-    part.a = half_space.point_m;
-    part.b = normalized(half_space.normal);
-    parts_.push_back(part);
-    balls_.push_back({part.a, kInfinity});
-    numbers_ += 7;
-  }
-}
-
-Result<Field> Field::make(const FieldSpec& spec) {
-  RETURN_IF_ERROR(checkField(spec));
-  Field field;
-  field.structures_ = spec.structures;
-  field.skin_ = indexOf(spec.groups, spec.skin);
-  field.rest_ = indexOf(spec.structures, spec.rest);
-  for (const FieldGroup& group : spec.groups) {
-    const auto index = static_cast<std::uint8_t>(field.groups_++);
-    for (const FieldPart& part : group.parts) field.addPart(index, part);
-  }
-  for (const FieldRule& rule : spec.rules) {
-    Rule compiled{};
-    compiled.structure = indexOf(spec.structures, rule.structure);
-    const auto add = [&](const FieldRange& range) {
-      compiled.ranges[compiled.count++] = {static_cast<std::uint8_t>(indexOf(spec.groups, range.group)),
-                                           range.from_m, range.to_m};
-      const GroupMask group = GroupMask{1} << compiled.ranges[compiled.count - 1].group;
-      if (range.to_m < kInfinity) compiled.near |= group;
-      if (range.from_m > -kInfinity) compiled.outside |= group;
-      field.numbers_ += (range.from_m > -kInfinity) + (range.to_m < kInfinity);
-    };
-    add(rule.range);
-    for (const FieldRange& clip : rule.clips) add(clip);
-    field.rules_.push_back(compiled);
-  }
-  StructureMask from_here = 0;
-  for (auto rule = field.rules_.rbegin(); rule != field.rules_.rend(); ++rule)
-    rule->from_here = from_here |= maskOf(rule->structure);
-
-  // how far from a group its distance still decides something
-  std::array<double, kMaxFieldGroups> ruled_m{}, blends_m{};
-  for (const Rule& rule : field.rules_) {
-    for (std::size_t i = 0; i < rule.count; ++i) {
-      const Range& range = rule.ranges[i];
-      for (const double bound : {range.from_m, range.to_m})
-        if (std::isfinite(bound)) ruled_m[range.group] = std::max(ruled_m[range.group], std::fabs(bound));
-    }
-  }
-  for (std::size_t i = field.parts_.size(); i-- > 0;) {
-    Part& part = field.parts_[i];
-    part.ruled_m = ruled_m[part.group];
-    part.reach_m = part.ruled_m + (blends_m[part.group] += part.blend_m);
-    field.balls_[i].radius_m += part.reach_m + kRounding_m;
-  }
-  return field;
-}
-
-// ---- asked ----
 
 /// Which parts matter to any rule in some region. Parts are shown from the last to the first, with the bounds
 /// of their distances there. A group's value joins its parts in order: behind the last part it matters up to
@@ -194,22 +101,38 @@ class Field::Mattering {
   double up_to_m_ = 0;
 };
 
-double Field::distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept {
+double Field::distanceToEllipsoid(const Part& part, Vec3 p_m, Vec3* slope) noexcept {
   const Vec3 d = p_m - part.a;
   const Vec3 own{dot(d, part.x), dot(d, part.y), dot(d, part.z)};
   const Vec3 u{own.x * part.inverses.x, own.y * part.inverses.y, own.z * part.inverses.z};
   const double k0 = norm(u);
   // k0 is convex and at most 1/least steep, which gives bounds where nothing asks for more. (They are too
   // small, outside and inside; a smooth minimum is not steeper than its parts.)
+  const Vec3 w{u.x * part.inverses.x, u.y * part.inverses.y, u.z * part.inverses.z};  // k0 times its slope
+  const auto turned = [&](Vec3 in_own) { return part.x * in_own.x + part.y * in_own.y + part.z * in_own.z; };
   if (k0 > 1) {
-    const double k1 = norm({u.x * part.inverses.x, u.y * part.inverses.y, u.z * part.inverses.z});
+    const double k1 = norm(w);
     const double at_least_m = k0 * (k0 - 1) / k1;
-    if (at_least_m > part.reach_m) return at_least_m;
+    if (at_least_m > part.reach_m) {
+      const Vec3 k1_slope =
+          Vec3{w.x * part.inverses.x * part.inverses.x, w.y * part.inverses.y * part.inverses.y,
+               w.z * part.inverses.z * part.inverses.z} /
+          k1;
+      if (slope != nullptr) *slope = turned((w * ((2 * k0 - 1) / k0) - k1_slope * at_least_m) / k1);
+      return at_least_m;
+    }
   } else {
-    const double at_least_m = (1 - k0) * std::min({part.b.x, part.b.y, part.b.z});
-    if (at_least_m > part.ruled_m) return -at_least_m;
+    const double least_m = std::min({part.b.x, part.b.y, part.b.z});
+    const double at_least_m = (1 - k0) * least_m;
+    if (at_least_m > part.ruled_m) {
+      if (slope != nullptr) *slope = k0 > 0 ? turned(w * (least_m / k0)) : Vec3{};
+      return -at_least_m;
+    }
   }
-  return nearestOnEllipsoid(own, part.b);
+  Vec3 out;
+  const double distance_m = nearestOnEllipsoid(own, part.b, slope != nullptr ? &out : nullptr);
+  if (slope != nullptr) *slope = turned(out);
+  return distance_m;
 }
 
 double Field::distanceTo(const Part& part, Vec3 p_m) noexcept {
@@ -230,6 +153,22 @@ double Field::distanceTo(const Part& part, Vec3 p_m) noexcept {
 void Field::join(const Part& part, Vec3 p_m, Distances& distances) noexcept {
   double& group = distances[part.group];
   group = smoothMinimum(group, distanceTo(part, p_m), part.blend_m);
+}
+
+FieldSlope Field::slopeTo(const Part& part, Vec3 p_m) noexcept {
+  if (part.kind == Kind::kEllipsoid) {
+    FieldSlope to;
+    to.distance_m = distanceToEllipsoid(part, p_m, &to.slope);
+    return to;
+  }
+  const double distance_m = distanceTo(part, p_m);
+  if (part.kind == Kind::kHalfSpace) return {distance_m, part.b};
+  const Vec3 from_a = p_m - part.a;
+  const double along = dot(from_a, part.b) * part.inverse;
+  const Vec3 off = from_a - part.b * std::min(std::max(along, 0.0), 1.0);
+  const double length_m = norm(off);
+  const Vec3 out = length_m > 0 ? off / length_m : Vec3{};
+  return {distance_m, along > 0 && along < 1 ? out - part.b * (part.growth_m * part.inverse) : out};
 }
 
 FieldPoint Field::judge(const Distances& distances, GroupMask far, GroupMask deep) const noexcept {
@@ -284,20 +223,23 @@ double Field::skinDistance(Vec3 p_m) const noexcept {
 double Field::structuresDistance(StructureMask mask, Vec3 p_m) const noexcept {
   Distances distances;
   distancesAt(p_m, distances);
-  return structuresDistance(mask, distances);
+  return joined(mask, distances);
 }
 
-double Field::structuresDistance(StructureMask mask, const Distances& distances) const noexcept {
+template <class Number>
+Number Field::joined(StructureMask mask,
+                     const std::array<Number, kMaxFieldGroups>& distances) const noexcept {
   // a rule's points are within all of its ranges, and outside of the rules before it
   if (isWhole(mask)) return distances[skin_];
   const bool with_rest = (mask >> rest_ & 1u) != 0;
-  double nearest_m = kInfinity, outside_others_m = -kInfinity;
+  Number nearest_m = kInfinity, outside_others_m = -kInfinity;
   for (const Rule& rule : rules_) {
     if (!with_rest && (rule.from_here & mask) == 0) break;
-    double rule_m = -kInfinity;
+    Number rule_m = -kInfinity;
     for (std::size_t i = 0; i < rule.count; ++i) {
       const Range& range = rule.ranges[i];
-      rule_m = std::max({rule_m, range.from_m - distances[range.group], distances[range.group] - range.to_m});
+      rule_m = std::max({rule_m, Number(range.from_m) - distances[range.group],
+                         distances[range.group] - Number(range.to_m)});
     }
     if ((mask >> rule.structure & 1u) != 0)
       nearest_m = std::min(nearest_m, std::max(rule_m, outside_others_m));
@@ -444,7 +386,20 @@ double Field::InBall::structuresDistance(StructureMask mask, Vec3 p_m) const noe
   Distances distances;
   std::fill_n(distances.begin(), field_->groups_, kFar_m);
   for (std::size_t i = 0; i < count_; ++i) join(field_->parts_[parts_[i]], p_m, distances);
-  return field_->structuresDistance(mask, distances);
+  return field_->joined(mask, distances);
+}
+
+FieldSlope Field::InBall::slope(StructureMask mask, Vec3 p_m) const noexcept {
+  std::array<Sloped, kMaxFieldGroups> distances;
+  std::fill_n(distances.begin(), field_->groups_, kFar_m);
+  for (std::size_t i = 0; i < count_; ++i) {
+    const Part& part = field_->parts_[parts_[i]];
+    const FieldSlope to = slopeTo(part, p_m);
+    Sloped& group = distances[part.group];
+    group = smoothMinimum(group, Sloped(to.distance_m, to.slope), part.blend_m);
+  }
+  const Sloped slope = field_->joined(mask, distances);
+  return {slope.value_m, slope.slope};
 }
 
 }  // namespace needlelab

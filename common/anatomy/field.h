@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "common/anatomy/field_spec.h"
@@ -41,6 +42,13 @@ struct FieldPoint {
   StructureIndex structure = kOutside;
   /// Every point nearer than this is of the same structure.
   double clearance_m = 0;
+};
+
+/// A signed distance, and how it changes per length: by formula, from one evaluation. Where two surfaces are
+/// equally near it is the slope of one of them.
+struct FieldSlope {
+  double distance_m = 0;
+  Vec3 slope;
 };
 
 /// Immutable after construction: any number of threads may ask at once. No function allocates but those that
@@ -91,6 +99,9 @@ class Field {
     [[nodiscard]] FieldPoint at(Vec3 p_m) const noexcept;
     /// As Field's. Its size is at most √1.25 times the distance, within the ball.
     [[nodiscard]] double structuresDistance(StructureMask mask, Vec3 p_m) const noexcept;
+    /// The distance of structuresDistance, the same bits, with its slope. For drawing: forces take normals
+    /// from central differences (field_body.cpp).
+    [[nodiscard]] FieldSlope slope(StructureMask mask, Vec3 p_m) const noexcept;
     /// The same values in a smaller ball, of fewer parts.
     [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m) const noexcept;
 
@@ -129,6 +140,9 @@ class Field {
   [[nodiscard]] std::size_t numbers() const { return numbers_; }
 
  private:
+  // what is left out is left out by this margin: far more than rounding can move a distance of a metre
+  static constexpr double kRounding_m = 1e-9;
+  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
   using GroupMask = std::uint32_t;
   static_assert(kMaxFieldGroups <= 32);
   enum class Kind : std::uint8_t { kCapsule, kEllipsoid, kHalfSpace };
@@ -169,10 +183,14 @@ class Field {
   void addPart(std::uint8_t group, const FieldPart& part);
   void addSegment(std::uint8_t group, double blend_m, const CapsulePart& capsule);
   [[nodiscard]] static double distanceTo(const Part& part, Vec3 p_m) noexcept;
-  [[nodiscard]] static double distanceToEllipsoid(const Part& part, Vec3 p_m) noexcept;
+  [[nodiscard]] static double distanceToEllipsoid(const Part& part, Vec3 p_m, Vec3* slope = nullptr) noexcept;
   static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
   void distancesAt(Vec3 p_m, Distances& distances) const noexcept;
-  [[nodiscard]] double structuresDistance(StructureMask mask, const Distances& distances) const noexcept;
+  [[nodiscard]] static FieldSlope slopeTo(const Part& part, Vec3 p_m) noexcept;
+  /// structuresDistance from the groups' distances, or from these with their slopes.
+  template <class Number>
+  [[nodiscard]] Number joined(StructureMask mask,
+                              const std::array<Number, kMaxFieldGroups>& distances) const noexcept;
   [[nodiscard]] FieldBox boxAround(std::size_t group, double beyond_m) const noexcept;
   [[nodiscard]] bool isWhole(StructureMask mask) const noexcept;
   [[nodiscard]] InBall inBallOf(GroupMask groups, Vec3 center_m, double radius_m) const noexcept;

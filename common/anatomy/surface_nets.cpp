@@ -13,8 +13,6 @@ constexpr int kLeaf = 2;   // cells along the edge of the smallest cube that a d
 constexpr double kRoot3 = 1.7320508075688772;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
-/// A gradient is taken over this part of a cell.
-constexpr double kGradientShare = 0.02;
 /// A first step longer than this part of a cell has a second one.
 constexpr double kLongStep = 0.1;
 
@@ -121,7 +119,8 @@ class Net {
   [[nodiscard]] SurfaceMesh::Vertex onSurface(Vec3 p_m) const {
     Vec3 normal{0, 0, 1};
     for (int step = 0; step < 2; ++step) {
-      const auto [slope, off_m] = slopeAt(p_m);
+      const auto [distance_m, slope] = parts_.slope(mask_, p_m);
+      const double off_m = distance_m - grown_m_;
       const double steepness = norm(slope);
       if (!(steepness > 0)) break;
       normal = slope / steepness;
@@ -131,23 +130,6 @@ class Net {
       if (std::fabs(step_m) < kLongStep * cell_m_) break;
     }
     return {p_m, normal};
-  }
-
-  struct Slope {
-    Vec3 slope;
-    double value_m = 0;
-  };
-  /// From four distances, at a tetrahedron's corners.
-  [[nodiscard]] Slope slopeAt(Vec3 p_m) const {
-    static constexpr std::array<Vec3, 4> kCorners = {Vec3{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
-    const double reach_m = kGradientShare * cell_m_;
-    Slope made;
-    for (const Vec3 corner : kCorners) {
-      const double value_m = distance(p_m + corner * reach_m);
-      made.slope += corner * (0.25 * value_m / reach_m);
-      made.value_m += 0.25 * value_m;
-    }
-    return made;
   }
 
   /// The squares of the three edges that leave a cell's lowest corner upwards.

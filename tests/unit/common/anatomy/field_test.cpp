@@ -121,6 +121,34 @@ TEST(FieldClearance, everyPointNearerThanItIsOfTheSameStructure) {
   EXPECT_GT(long_ones, 4'000) << "a clearance of nothing would prove nothing";
 }
 
+TEST(FieldSlope, isThatOfTheDistanceAndHasItsBits) {
+  const Field field = fieldOf(forearm());
+  Random random(12);
+  std::size_t ridges = 0, compared = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const Vec3 p_m = randomPoint(random, {-40, -35, -40}, {50, 35, 5});
+    const auto mask = static_cast<StructureMask>(random.in(1, 255));
+    const Field::InBall near = field.inBall(p_m, 0.02);
+    const FieldSlope found = near.slope(mask, p_m);
+    ASSERT_EQ(found.distance_m, near.structuresDistance(mask, p_m)) << i;
+    for (const Vec3 axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
+      constexpr double kStep_m = 1e-5;  // an ellipsoid is right within half a nanometre
+      const double ahead = (near.structuresDistance(mask, p_m + axis * kStep_m) - found.distance_m) / kStep_m;
+      const double behind =
+          (found.distance_m - near.structuresDistance(mask, p_m - axis * kStep_m)) / kStep_m;
+      ++compared;
+      if (std::fabs(ahead - behind) > 2e-2) {
+        ++ridges;
+        continue;
+      }
+      ASSERT_NEAR(dot(found.slope, axis), 0.5 * (ahead + behind), 1e-3 + 0.5 * std::fabs(ahead - behind))
+          << i;
+    }
+  }
+  EXPECT_GT(compared, 10'000u);
+  EXPECT_LT(ridges, compared / 100) << "the field is smooth almost everywhere";
+}
+
 TEST(FieldOnLine, aStretchHasTheStructuresOfTheWholeField) {
   const Field field = fieldOf(forearm());
   Random random(9);
