@@ -19,7 +19,7 @@ namespace {
 Status writeRecords(CommandContext& context, ExportPlace place, const std::string& file,
                     const std::function<void(pb::Request&, const std::string&)>& ask,
                     const std::string& what) {
-  ASSIGN_OR_RETURN(const auto* const format, formatFor(place, "", file));
+  const ExportFormat* const format = formatsAt(place).front();
   std::string text;
   std::uint64_t count = 0;
   const auto done = eachPage(context.backend, ask, [&](const pb::Reply& reply) {
@@ -212,24 +212,30 @@ void addPersonCommands(CLI::App& app, ChosenCommand& chosen) {
   study->require_subcommand(1);
   auto* out = study->add_subcommand("export", recordsHelp(ExportPlace::kStudyExport, " as "));
   out->add_option("study", values->study, "the study's name; another study has other pseudonyms")->required();
+  addFormat(out, values->format, ExportPlace::kStudyExport,
+            formatList(ExportPlace::kStudyExport, &ExportFormat::name) +
+                " (a folder with every recording); else what the file's name says");
   addNewFile(out, chosen, values->out);
   out->add_option("--exercise", values->exercise, "default: all");
   out->add_flag("--with-remarks", values->remarks,
                 "include instructors' remarks; names in them are replaced");
   out->add_flag("--with-setup", values->setup,
                 "include device, placement and tool; they tell stations apart");
-  runs(out, chosen, [values](CommandContext& context) {
-    return writeRecords(
-        context, ExportPlace::kStudyExport, values->out,
-        [&](pb::Request& request, const std::string& page) {
-          auto* call = request.mutable_export_study();
-          call->set_with_setup(values->setup);
-          call->set_study(values->study);
-          call->set_exercise_id(values->exercise);
-          call->set_with_remarks(values->remarks);
-          call->set_page(page);
-        },
-        "study '" + values->study + "'");
+  runs(out, chosen, [values](CommandContext& context) -> Status {
+    ASSIGN_OR_RETURN(const auto* const format,
+                     formatFor(ExportPlace::kStudyExport, values->format, values->out));
+    const auto ask = [&](pb::Request& request, const std::string& page) {
+      auto* call = request.mutable_export_study();
+      call->set_with_setup(values->setup);
+      call->set_study(values->study);
+      call->set_exercise_id(values->exercise);
+      call->set_with_remarks(values->remarks);
+      call->set_page(page);
+    };
+    if (format->form == ExportForm::kBids)
+      return exportStudyFolder(context.backend, context.output, values->study, values->out, ask);
+    return writeRecords(context, ExportPlace::kStudyExport, values->out, ask,
+                        "study '" + values->study + "'");
   });
   auto* recording = study->add_subcommand(
       "recording", "write the samples of one of the study's sessions; times begin at 0");

@@ -7,6 +7,7 @@
 
 #include "client/admin/command.h"
 #include "client/admin/session_export.h"
+#include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 #include "common/scoring/measures/syringe_events.h"
 
@@ -218,7 +219,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
     const auto& removed = session.removed_original();
     context.output.text(
         fmt::format("\nthe original ({} samples, {}, hash {}) was removed on {}: {}", removed.samples(),
-                    bytesText(removed.stored_bytes()), hexOfBytes(removed.hash()),
+                    bytesText(removed.stored_bytes()), hexDigitsOf(removed.hash()),
                     localTime(removed.removed_unix_ns(), TimeForm::kZoned), removed.reason()));
   }
   if (row["score"].is_array() && !row["score"].empty()) {
@@ -243,9 +244,9 @@ Status verifySession(CommandContext& context, const Uuid& id) {
   request.mutable_verify_session()->set_session_id(id.data(), id.size());
   ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));
   const auto& verified = reply.verified();
-  const Json row = {{"session_id", uuidText(id)},          {"ok", verified.ok()},
-                    {"chunks", verified.chunks()},         {"samples", verified.samples()},
-                    {"hash", hexOfBytes(verified.hash())}, {"text", verified.text()}};
+  const Json row = {{"session_id", uuidText(id)},           {"ok", verified.ok()},
+                    {"chunks", verified.chunks()},          {"samples", verified.samples()},
+                    {"hash", hexDigitsOf(verified.hash())}, {"text", verified.text()}};
   if (auto done = context.output.one({{"session_id", "session"},
                                       {"ok", "sound"},
                                       {"chunks", "chunks"},

@@ -13,8 +13,10 @@
 #include <utility>
 #include <vector>
 
+#include "client/admin/files/hdf5_file.h"
 #include "common/base/bytes.h"
 #include "common/base/files/files.h"
+#include "common/base/text/text.h"
 #include "common/base/text/uuid.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
@@ -55,39 +57,47 @@ std::string jsonText(const Json& session) {
   return session.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-/// Text, sample by sample.
-class TextSink : public SampleSink {
+/// Sample by sample.
+class DecodedSink : public SampleSink {
  public:
-  TextSink(GrowingFile file, std::unique_ptr<SampleWriter> writer, const Json& session,
-           const SampleWindow& window)
-      : file_(std::move(file)), writer_(std::move(writer)), window_(window) {
-    writer_->begin(text_, [&session] { return jsonText(session); });
+  DecodedSink(const ExportFormat& format, const std::filesystem::path& name, GrowingFile file,
+              const Json& session, const SampleWindow& window)
+      : file_(std::move(file)), window_(window) {
+    if (format.form == ExportForm::kHdf5) {
+      hdf5_.emplace(name, file_.temporary(), session);
+    } else {
+      writer_ = format.samples();
+      writer_->begin(text_, [&session] { return jsonText(session); });
+    }
   }
 
   Status take(ByteView chunk) override {
-    ASSIGN_OR_RETURN(const auto samples, decodeChunk(chunk));
-    for (const GestureSample& sample : samples) {
+    ASSIGN_OR_RETURN(auto samples, decodeChunk(chunk));
+    std::erase_if(samples, [&](const GestureSample& sample) {
       if (!window_.first_time_ns) window_.first_time_ns = sample.time_ns;
       const std::int64_t time_ns = sample.time_ns - *window_.first_time_ns;
       if (time_ns >= window_.to_ns) past_ = true;
-      if (time_ns < window_.from_ns || time_ns >= window_.to_ns) continue;
-      writer_->add(text_, sample, *window_.first_time_ns);
-      ++samples_;
-    }
+      return time_ns < window_.from_ns || time_ns >= window_.to_ns;
+    });
+    samples_ += samples.size();
+    if (hdf5_) return hdf5_->add(samples, *window_.first_time_ns, inspectChunk(chunk)->resolution);
+    for (const GestureSample& sample : samples) writer_->add(text_, sample, *window_.first_time_ns);
     auto done = file_.append(viewOf(text_));
     text_.clear();
     return done;
   }
 
   Status finish() override {
-    writer_->end(text_);
+    if (writer_) writer_->end(text_);
+    if (hdf5_) RETURN_IF_ERROR(hdf5_->close());
     RETURN_IF_ERROR(file_.append(viewOf(text_)));
     return file_.finish();
   }
 
  private:
   GrowingFile file_;
-  std::unique_ptr<SampleWriter> writer_;
+  std::unique_ptr<SampleWriter> writer_;  ///< or:
+  std::optional<Hdf5File> hdf5_;
   SampleWindow window_;
   std::string text_;  ///< not yet written
 };
@@ -120,13 +130,13 @@ class RecordingSink : public SampleSink {
 Result<std::unique_ptr<SampleSink>> openSampleSink(const ExportFormat& format,
                                                    const std::filesystem::path& file, const Json& session,
                                                    const SampleWindow& window) {
-  if (format.samples == nullptr) {
+  if (format.form == ExportForm::kRecording) {
     ASSIGN_OR_RETURN(auto writer, RecordingWriter::create(file, jsonText(session)));
     return std::unique_ptr<SampleSink>(std::make_unique<RecordingSink>(std::move(writer), window));
   }
   ASSIGN_OR_RETURN(auto growing, GrowingFile::create(file));
   return std::unique_ptr<SampleSink>(
-      std::make_unique<TextSink>(std::move(growing), format.samples(), session, window));
+      std::make_unique<DecodedSink>(format, file, std::move(growing), session, window));
 }
 
 const char* stateName(pb::SessionState state) {
@@ -144,7 +154,7 @@ const char* stateName(pb::SessionState state) {
 
 std::string idText(const std::string& bytes) {
   Uuid id;
-  if (bytes.size() != id.size()) return hexOfBytes(bytes);
+  if (bytes.size() != id.size()) return hexDigitsOf(bytes);
   std::copy(bytes.begin(), bytes.end(), id.begin());
   return uuidText(id);
 }
@@ -215,6 +225,7 @@ class Export {
     }
     Json row = sessionRow(session_);
     row["profile"] = storedJson(session_.description().profile_json());
+    if (format.form == ExportForm::kHdf5) row["score"] = storedJson(session_.score_json());
 
     SampleWindow window;
     if (range_.from_s) window.from_ns = nsOf(*range_.from_s);
@@ -312,7 +323,7 @@ class Export {
     const Digest digest = hash_.digest();
     if (textOf(digest) == session_.hash()) return {};
     const std::string text = "the hash over what was read is " + hexOf(digest) +
-                             ", the session was closed with " + hexOfBytes(session_.hash());
+                             ", the session was closed with " + hexDigitsOf(session_.hash());
     if (!range_.around_damage) return Error{ErrorCode::kCorrupt, text + ": nothing was written"};
     ++faults_;
     output_.remark("damaged: " + text);
@@ -349,17 +360,6 @@ class Export {
 };
 
 }  // namespace
-
-std::string hexOfBytes(const std::string& bytes) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string text;
-  text.reserve(bytes.size() * 2);
-  for (const char c : bytes) {
-    text += kDigits[static_cast<unsigned char>(c) >> 4];
-    text += kDigits[static_cast<unsigned char>(c) & 15];
-  }
-  return text;
-}
 
 Json sessionRow(const pb::SessionInfo& session) {
   const auto& d = session.description();
@@ -415,10 +415,10 @@ Json sessionRow(const pb::SessionInfo& session) {
                                {"chunks", removed.chunks()},
                                {"samples", removed.samples()},
                                {"stored_bytes", removed.stored_bytes()},
-                               {"hash", hexOfBytes(removed.hash())}};
+                               {"hash", hexDigitsOf(removed.hash())}};
     if (thinned) row["removed_original"]["thinned_rate_hz"] = removed.thinned_rate_hz();
   }
-  if (!session.hash().empty()) row["hash"] = hexOfBytes(session.hash());
+  if (!session.hash().empty()) row["hash"] = hexDigitsOf(session.hash());
   if (session.clock_round_trip_ns() != 0) {
     row["clock_offset_ns"] = session.clock_offset_ns();
     row["clock_round_trip_ns"] = session.clock_round_trip_ns();
@@ -431,31 +431,31 @@ Status exportSession(Backend& backend, Output& output, const Uuid& session, cons
   return Export(backend, output, session, range).run(format, file);
 }
 
-Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
-                            const std::string& session, const ExportFormat& format,
-                            const std::filesystem::path& file) {
-  std::unique_ptr<SampleSink> sink;
+Status readStudyChunks(Backend& backend, const std::string& study, const std::string& session,
+                       const std::function<Status(ByteView chunk)>& take) {
   for (std::uint64_t next = 0;;) {
     pb::Request read;
     read.mutable_read_study_recording()->set_study(study);
     read.mutable_read_study_recording()->set_session(session);
     read.mutable_read_study_recording()->set_from_seq(next);
     ASSIGN_OR_RETURN(const auto reply, backend.call(read));
-    // only now, so that an unknown session leaves no file
-    if (!sink) {
-      auto opened = openSampleSink(format, file, Json{{"study", study}, {"session", session}}, {});
-      if (!opened) return opened.error();
-      sink = std::move(*opened);
-    }
     for (const pb::Chunk& chunk : reply.chunks().chunks()) {
       if (chunk.seq() != next)
         return Error{ErrorCode::kCorrupt, fmt::format("chunk {} was asked for, {} came", next, chunk.seq())};
-      if (auto done = sink->take(viewOf(chunk.data())); !done)
+      if (auto done = take(viewOf(chunk.data())); !done)
         return Error{done.error().code, fmt::format("chunk {}: {}", next, done.error().message)};
       ++next;
     }
-    if (reply.chunks().chunks_size() == 0) break;
+    if (reply.chunks().chunks_size() == 0) return {};
   }
+}
+
+Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
+                            const std::string& session, const ExportFormat& format,
+                            const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(auto sink, openSampleSink(format, file, Json{{"study", study}, {"session", session}}, {}));
+  RETURN_IF_ERROR(
+      readStudyChunks(backend, study, session, [&](ByteView chunk) { return sink->take(chunk); }));
   RETURN_IF_ERROR(sink->finish());
   output.done(fmt::format("wrote {} samples to {}", sink->samples(), file.string()));
   return {};

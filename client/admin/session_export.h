@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -34,16 +35,23 @@ Status exportSession(Backend& backend, Output& output, const Uuid& session, cons
 
 /// Returns everything except profile, score and remarks.
 Json sessionRow(const pb::SessionInfo& session);
-/// Lower-case hexadecimal digits.
-std::string hexOfBytes(const std::string& bytes);
 
-// `needlelab-admin study recording`: the samples of one session of a study's export.
+// The samples of one session of a study's export.
 
-/// Writes the recording of a session's pseudonym; ticks and times start at 0. `format`: of kStudyRecording.
-/// Errors: kNotFound if the session is not, or no longer, in the study. A fault leaves no file. Thread: the
-/// caller's.
+/// Reads the recording of a session's pseudonym; ticks and times start at 0. Errors: kNotFound if the session
+/// is not, or no longer, in the study; those of `take`. Thread: the caller's.
+Status readStudyChunks(Backend& backend, const std::string& study, const std::string& session,
+                       const std::function<Status(ByteView chunk)>& take);
+
+/// Writes it. `format`: of kStudyRecording. A fault leaves no file.
 Status exportStudyRecording(Backend& backend, Output& output, const std::string& study,
                             const std::string& session, const ExportFormat& format,
                             const std::filesystem::path& file);
+
+/// Writes the study as a new folder, a Motion-BIDS dataset (files/README.md). `ask` sets a page's name in the
+/// request for its records. Errors: also kInvalidInput if `folder` exists. A fault leaves no folder.
+Status exportStudyFolder(Backend& backend, Output& output, const std::string& study,
+                         const std::filesystem::path& folder,
+                         const std::function<void(pb::Request&, const std::string&)>& ask);
 
 }  // namespace needlelab

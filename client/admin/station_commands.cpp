@@ -46,7 +46,7 @@ Error keyLost(const Error& error, const std::string& name, const std::string& ag
 
 Status addStation(CommandContext& context, const std::string& name, const std::string& file) {
   ASSIGN_OR_RETURN(const auto key, makeKey(context, name));
-  std::string line = name + ":" + hexText(key) + "\n";
+  std::string line = name + ":" + hexDigitsOf(key) + "\n";
   const WipeAtEnd wiped(line);
   if (auto done = writeFileAtomically(file, viewOf(line), 0600); !done) {
     return keyLost(done.error(), name, "add");

@@ -65,15 +65,24 @@ class ResultWriter {
   virtual void end(std::string&) {}
 };
 
+/// How a format's file is made. Only needlelab-admin makes what is not text.
+enum class ExportForm : std::uint8_t {
+  kText,       ///< by the row's writer
+  kRecording,  ///< samples: the recording's chunks, byte for byte
+  kHdf5,       ///< samples: client/admin/files
+  kBids,       ///< records and samples, in a folder: client/admin/study_folder.cpp
+};
+
 /// A row of the table.
 struct ExportFormat {
   std::string_view name;            ///< of --format
-  std::string_view suffix;          ///< of the file's name, with its dot, in small letters
+  std::string_view suffix;          ///< of the file's or folder's name, with its dot, in small letters
   std::string_view media_type;      ///< Content-Type
   std::string_view title;           ///< of the format, for people
   std::string_view words;           ///< what the file holds
   std::vector<ExportPlace> places;  ///< the first row of a place is its default
-  // The writer, by what the file holds. Samples without a writer: the recording's chunks, byte for byte.
+  ExportForm form = ExportForm::kText;
+  // The writer of text, by what the file holds.
   std::unique_ptr<SampleWriter> (*samples)() = nullptr;
   std::unique_ptr<ScoreWriter> (*scores)() = nullptr;
   std::unique_ptr<ResultWriter> (*results)(const CsvStyle& style) = nullptr;

@@ -20,14 +20,7 @@ Digest SessionHash::digest() const {
 }
 
 std::string hexOf(const Digest& digest) {
-  static constexpr char kDigits[] = "0123456789abcdef";
-  std::string text;
-  text.reserve(2 * digest.size());
-  for (const std::uint8_t byte : digest) {
-    text += kDigits[byte >> 4];
-    text += kDigits[byte & 15];
-  }
-  return text;
+  return hexDigitsOf(textOf(digest));
 }
 
 Result<Digest> digestFromHex(std::string_view hex) {

@@ -9,22 +9,13 @@
 
 #include "client/net/spool/spool_json.h"
 #include "common/base/files/files.h"
+#include "common/base/text/text.h"
 #include "common/base/time/clock.h"
 
 namespace needlelab::test {
 namespace {
 
 using Json = nlohmann::json;
-
-std::string hexText(std::string_view bytes) {
-  static constexpr char kDigits[] = "0123456789abcdef";
-  std::string text;
-  for (const char c : bytes) {
-    text += kDigits[static_cast<unsigned char>(c) >> 4];
-    text += kDigits[static_cast<unsigned char>(c) & 15];
-  }
-  return text;
-}
 
 // "no wall" is null
 Json number(double value) {
@@ -63,7 +54,7 @@ void StationLedger::line(const std::string& text) {
 void StationLedger::session(const pb::SessionDescription& description) {
   const Resolution r = resolutionOf(description);
   line(Json{{"e", "session"},
-            {"id", hexText(description.session_id())},
+            {"id", hexDigitsOf(description.session_id())},
             {"station", description.station()},
             {"resolution", {r.length_m, r.quaternion, r.force_N, r.torque_Nm, r.time_s, r.speed_mps}}}
            .dump());
@@ -92,7 +83,7 @@ void StationLedger::sample(const GestureSample& s) {
 
 void StationLedger::acknowledged(const pb::Ack& ack) {
   line(Json{{"e", "ack"},
-            {"id", hexText(ack.session_id())},
+            {"id", hexDigitsOf(ack.session_id())},
             {"t", wallNowNs()},
             {"committed", ack.committed_seqs()},
             {"safe", ack.safe_seqs()}}
@@ -101,7 +92,7 @@ void StationLedger::acknowledged(const pb::Ack& ack) {
 
 void StationLedger::closed(const pb::SessionClosed& closed) {
   line(Json{{"e", "closed"},
-            {"id", hexText(closed.session_id())},
+            {"id", hexDigitsOf(closed.session_id())},
             {"t", wallNowNs()},
             {"state", static_cast<int>(closed.state())}}
            .dump());
@@ -112,7 +103,7 @@ void StationLedger::end(const SpoolSession& session) {
   if (!read.ok() || !read->is_object()) throw std::runtime_error(session.folder().string() + " has no end");
   Json end = *read;
   end["e"] = "end";
-  end["id"] = hexText(session.description().session_id());
+  end["id"] = hexDigitsOf(session.description().session_id());
   line(end.dump());
 }
 

@@ -28,6 +28,7 @@ LIBRARIES = {
     "EGL": "/usr/include/EGL/",
     "Eigen": "/usr/include/eigen3/",
     "GLFW": "/usr/include/GLFW/",
+    "HDF5": "/usr/include/hdf5/",
     "ImGui": "/usr/include/imgui/",
     "JSON": "/usr/include/nlohmann/",
     "OpenGL": "/usr/include/epoxy/",

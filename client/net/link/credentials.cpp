@@ -127,19 +127,9 @@ Result<std::string> passwordFromTerminal(const std::string& prompt, std::size_t 
   return std::move(*line);
 }
 
-std::string hexText(std::string_view bytes) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  std::string text;
-  for (const char c : bytes) {
-    text += kDigits[static_cast<unsigned char>(c) >> 4];
-    text += kDigits[static_cast<unsigned char>(c) & 15];
-  }
-  return text;
-}
-
 std::string bundleText(const Enrolment& enrolment) {
   return std::string(kHead) + "\nserver " + endpointsText(enrolment.servers) + "\nstation " +
-         enrolment.station + "\nkey " + hexText(enrolment.key) + "\n" + enrolment.ca_pem;
+         enrolment.station + "\nkey " + hexDigitsOf(enrolment.key) + "\n" + enrolment.ca_pem;
 }
 
 Result<Enrolment> parseBundle(std::string_view text, const std::string& source) {
@@ -191,7 +181,7 @@ Status saveEnrolment(const Enrolment& enrolment, const std::filesystem::path& fo
   std::filesystem::create_directories(folder, error);
   if (error) return Error{ErrorCode::kFailed, "cannot make " + folder.string() + ": " + error.message()};
   const EnrolmentFiles files = enrolmentFilesIn(folder);
-  const std::string key = enrolment.station + ":" + hexText(enrolment.key) + "\n";
+  const std::string key = enrolment.station + ":" + hexDigitsOf(enrolment.key) + "\n";
   const std::string server = endpointsText(enrolment.servers) + "\n";
   RETURN_IF_ERROR(writeFileAtomically(files.key, viewOf(key), 0600));
   RETURN_IF_ERROR(writeFileAtomically(files.ca, viewOf(enrolment.ca_pem), 0644));

@@ -70,6 +70,4 @@ struct ProvenEnrolment {
 /// `scratch`: a folder for the temporary CA file. Errors: as connectClient.
 Result<ProvenEnrolment> proveEnrolment(const Enrolment& enrolment, const std::filesystem::path& scratch);
 
-std::string hexText(std::string_view bytes);
-
 }  // namespace needlelab

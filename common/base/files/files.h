@@ -68,6 +68,8 @@ class GrowingFile {
   ~GrowingFile();
 
   Status append(ByteView bytes);
+  /// The file, for a library that writes it itself.
+  [[nodiscard]] const std::string& temporary() const { return temporary_; }
   /// Calls fsync on the file, renames it, and calls fsync on the folder.
   Status finish();
 

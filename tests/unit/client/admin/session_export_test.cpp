@@ -3,10 +3,10 @@
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
-#include <iterator>
 #include <thread>
 
 #include "client/admin/session_export.h"
+#include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/text/csv.h"
 #include "common/base/time/clock.h"
@@ -23,10 +23,7 @@ namespace {
 
 class SessionExport : public test::AdminTest {
  protected:
-  std::string content(const std::string& name) const {
-    std::ifstream in(file(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
+  std::string content(const std::string& name) const { return *readWholeFile(file(name)); }
   /// Returns all samples decoded from the chunks.
   static std::vector<GestureSample> samples(std::uint64_t chunks) {
     std::vector<GestureSample> all;
@@ -100,7 +97,7 @@ TEST_F(SessionExport, aDamagedSessionLeavesNoFileAndNoOldOneIsLost) {
   const std::string wrong_hash = uuidText(addSession(3, false, "UPDATE sessions SET hash = zeroblob(32)"));
   folder.write("old", "old");
   for (const std::string& id : {crc, wrong_hash}) {
-    for (const char* format : {"csv", "json", "recording"}) {
+    for (const char* format : {"csv", "json", "recording", "hdf5"}) {
       const Run result =
           onData({"session", "export", id, "--format", format, "--out", file("old"), "--replace"});
       EXPECT_EQ(result.code, 1) << format;
@@ -114,10 +111,7 @@ TEST_F(SessionExport, aDamagedSessionLeavesNoFileAndNoOldOneIsLost) {
 
 class RangeOfExport : public test::AdminTest {
  protected:
-  std::string content(const std::string& name) const {
-    std::ifstream in(file(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
+  std::string content(const std::string& name) const { return *readWholeFile(file(name)); }
   /// The ticks of an exported JSON.
   std::vector<std::uint64_t> ticks(const std::string& name) const {
     std::vector<std::uint64_t> all;
@@ -277,7 +271,7 @@ TEST_F(ExportMemory, doesNotGrowWithTheLength) {
   std::thread thread([&] { EXPECT_EQ((*server)->run(), 0); });
 
   const auto take = [&](const std::string& id, const std::string& format, std::uint64_t samples) {
-    const std::string out = file("out." + format);
+    const std::string out = file("out");
     const Run run = this->run({"--server", "127.0.0.1:" + std::to_string((*server)->port()), "--ca",
                                (*server)->caFile().string(), "--user", "ines", "--password-file", password,
                                "session", "export", id, "--format", format, "--out", out});
@@ -287,7 +281,7 @@ TEST_F(ExportMemory, doesNotGrowWithTheLength) {
     std::filesystem::remove(out);
   };
   take(longer, "csv", 1000 * seconds);  // fills SQLite's page cache
-  for (const std::string format : {"csv", "json"}) {
+  for (const std::string format : {"csv", "json", "hdf5"}) {
     take(minute, format, 60'000);  // fills pools
     const auto small = peakKiB([&] { take(minute, format, 60'000); });
     const auto large = peakKiB([&] { take(longer, format, 1000 * seconds); });

@@ -61,7 +61,8 @@ TEST(ExportFormats, areDistinctAtEachPlaceAndHaveItsWriter) {
       EXPECT_NE(format->title, "");
       EXPECT_NE(format->words, "");
       const bool fits = place == kSessionExport || place == kStudyRecording
-                            ? !format->scores && !format->results
+                            ? (format->samples != nullptr) == (format->form == ExportForm::kText)
+                        : format->form == ExportForm::kBids             ? place == kStudyExport
                         : place == kWebSamples                          ? format->samples != nullptr
                         : place == kScoresExport || place == kWebScores ? format->scores != nullptr
                         : place == kResults || place == kWebResults     ? format->results != nullptr
@@ -81,6 +82,7 @@ TEST(ExportFormats, areChosenByNameThenBySuffixThenTheFirst) {
   EXPECT_EQ(name("json", "x.json"), "json");
   EXPECT_EQ(name("", "folder.csv/x.NLREC"), "recording");
   EXPECT_EQ(name("", "x.json"), "json");
+  EXPECT_EQ(name("", "x.h5"), "hdf5");
   EXPECT_EQ(name("", "x.txt"), "csv");
   EXPECT_EQ(name("", ""), "csv");
   EXPECT_THAT(name("csv", "x.json"), HasSubstr("--out x.json: the name says json, --format says csv"));
@@ -88,7 +90,7 @@ TEST(ExportFormats, areChosenByNameThenBySuffixThenTheFirst) {
 }
 
 TEST(ExportFormats, areListedInASentence) {
-  EXPECT_EQ(formatList(kSessionExport, &ExportFormat::name), "csv, json or recording");
+  EXPECT_EQ(formatList(kSessionExport, &ExportFormat::name), "csv, json, recording or hdf5");
   EXPECT_EQ(formatList(kResults, &ExportFormat::title), "CSV");
 }
 
