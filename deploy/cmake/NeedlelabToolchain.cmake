@@ -34,7 +34,7 @@ if(NEEDLELAB_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
 endif()
 find_program(NEEDLELAB_MOLD mold)
 if(NEEDLELAB_MOLD)
-  add_link_options(-fuse-ld=mold)
+  add_link_options(-fuse-ld=mold "$<$<CONFIG:RelWithDebInfo>:-Wl,--gc-sections,--icf=safe>")
 endif()
 
 add_library(needlelab_flags INTERFACE)
