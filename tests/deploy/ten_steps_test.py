@@ -93,7 +93,7 @@ class TenSteps(unittest.TestCase):
             for option in re.findall(r"--[a-z-]+", words):
                 self.assertIn(f"{option})", script, f"deploy/{name} has no {option}")
         packages = re.findall(r"^Package: (\S+)$", (ROOT / "deploy/debian/control").read_text(encoding="utf-8"), re.MULTILINE)
-        for package in re.findall(r"apt install (\S+)", block):
+        for package in re.findall(r"apt install (?:--\S+ )*(\S+)", block):
             self.assertIn(package, packages)
 
     def starts(self, options, command):
