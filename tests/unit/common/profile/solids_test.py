@@ -16,7 +16,7 @@ import unittest
 
 VOLUMES = os.path.join(os.path.dirname(os.path.realpath(__file__)), "../../../../db/samples/volumes")
 sys.path.insert(0, VOLUMES)
-from field import OUTSIDE, Volume, cross, scaled, unit  # noqa: E402
+from field import OUTSIDE, Volume, scaled, unit  # noqa: E402
 
 DEPTH, FINEST, STEEPEST = 0.15, 0.2, math.sqrt(1.25)  # mm; the slope is common/anatomy's greatest
 SEVERAL = {"carpals": 8, "metacarpals": 5, "tendon": 9, "wrist-flexors": 2, "extensors": 6}
