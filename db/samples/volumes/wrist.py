@@ -23,6 +23,11 @@ PARAMETERS = [
     ("across", (52, 58, 64), "wrist, side to side: set by hand"),
 ]
 ROOT = math.sqrt(2)
+# Bones, and which earlier ones each meets: 1 mm of cartilage between them, 2 mm at the radius, set by hand
+CARVED = {"radius": (), "ulna": (), "capitate": (), "lunate": ("radius", "capitate"), "scaphoid": ("radius", "capitate", "lunate"),
+          "hamate": ("capitate", "lunate"), "triquetrum": ("lunate", "hamate"), "pisiform": ("triquetrum",),
+          "trapezoid": ("capitate", "scaphoid"), "trapezium": ("trapezoid", "scaphoid"),
+          "metacarpals": ("capitate", "hamate", "trapezoid")}
 
 LAYERS = {
     "skin": layer("SKIN", 0.4, 0.2, 0.05, 7000, 15, (200, 20000, 0.22)),
@@ -96,65 +101,67 @@ def bones(v, p):
         return (x * s, y * s, floor - down * s)
     tip = roof(p) - 0.42 * p.depth      # of hook and tubercles: where the ligament is held
     # forearm
-    v.capsule("radius", (-78, 9 * s, floor - 6), at(-26, 9, 7), 6.3 * s, 7.5 * s)
-    for a, b, r in ((at(-26, 9, 7), at(-13.5, 14.5, 6), 8), (at(-26, 9, 7), at(-13.5, 5, 7.5), 7.6)):
-        v.capsule("radius", a, b, 7 * s, r * s, blend=6 * s)
+    v.capsule("radius", (-78, 9 * s, floor - 6), at(-26, 9, 8), 5.7 * s, 7.1 * s)
+    for a, b, r in ((at(-26, 9, 8), at(-13.5, 14.5, 6), 7.9), (at(-26, 9, 8), at(-13.5, 5, 8), 7.4)):
+        v.capsule("radius", a, b, 6.5 * s, r * s, blend=6 * s)
     v.capsule("radius", at(-14, 17, 6.5), at(-6.5, 19, 6), 6 * s, 3.5 * s, blend=5 * s)      # styloid
     v.capsule("ulna", (-78, -12 * s, floor - 9), at(-22, -11.5, 9), 5.6 * s, 5.6 * s)
     v.capsule("ulna", at(-22, -11.5, 9), at(-14.5, -11.5, 9), 5.6 * s, 7 * s, blend=3 * s)
     v.capsule("ulna", at(-14.5, -15, 12), at(-8, -15.5, 12), 3 * s, 2 * s, blend=2 * s)
-    # eight carpal bones, each apart from its neighbours by a millimetre
-    def bone(center, radii, x_axis=(1, 0, 0), y_axis=(0, 1, 0), blend=0):
-        v.ellipsoid("carpals", at(*center), tuple(r * s for r in radii), x_axis=x_axis, y_axis=y_axis, blend=blend)
-    bone((1.5, 0.3, 7.5), (7.6, 6.9, 8))                                                      # lunate
-    bone((2, 12.2, 6), (10, 5.4, 7.2), x_axis=(0.8, 0.35, 0.5))                              # scaphoid
-    v.capsule("carpals", at(6, 12.5, 2), (10.5 * s, 13.4 * s, tip), 4.2 * s, 3.2 * s, blend=4 * s)   # its tubercle
-    bone((3.8, -11.4, 8), (7, 5.9, 7), x_axis=(0.9, -0.35, 0))                            # triquetrum
-    v.capsule("carpals", (5 * s, -13.8 * s, tip - 1), (8.5 * s, -13.6 * s, tip - 0.5), 4.6 * s, 4.3 * s)  # pisiform
-    v.capsule("carpals", at(12, 1, 7.6), at(24.5, 0.4, 7.8), 6.1 * s, 6.9 * s)                # capitate
-    bone((19, -10.8, 7.6), (9, 6, 7.8), x_axis=(0.95, -0.25, 0))                              # hamate
-    v.capsule("carpals", at(21, -11.8, 3), (21.5 * s, -12 * s, tip), 3.6 * s, 2.7 * s, blend=3 * s)  # its hook
-    bone((21, 10.3, 7), (5.6, 4.6, 6.6))                                                      # trapezoid
-    bone((19.5, 15.2, 1), (6.6, 5, 7), x_axis=(0.9, 0.3, 0.1))                                # trapezium
-    v.capsule("carpals", at(19, 14.4, -2), (19.5 * s, 13.8 * s, tip), 3.6 * s, 2.6 * s, blend=3 * s)   # its tubercle
-    for x, y, end_x, end_y, down, r in ((27.5, 20, 58, 39, -7, 5.4), (31.5, 10.5, 74, 16, 7, 5.2), (33, 1.5, 74, 4, 7.6, 5.2),
-                                        (32.5, -6.8, 73, -8, 7.4, 4.6), (31.5, -14.2, 70, -19, 5.5, 4.4)):
-        start, end = at(x + 1, y, 0.55 * down if y > 19 else down), at(end_x, end_y, down)
+    # eight carpal bones; a later one of CARVED is hollowed where it meets an earlier one
+    def bone(name, center, radii, x_axis=(1, 0, 0), y_axis=(0, 1, 0)):
+        v.ellipsoid(name, at(*center), tuple(r * s for r in radii), x_axis=x_axis, y_axis=y_axis)
+    v.capsule("capitate", at(14, 1, 7.6), at(24, 0.4, 7.8), 5.8 * s, 6.2 * s)
+    bone("lunate", (2.2, 0.3, 7.5), (7.4, 6.4, 8))
+    bone("scaphoid", (3.2, 12.6, 6), (9.4, 5.4, 7), x_axis=(0.8, 0.35, 0.5))
+    v.capsule("scaphoid", at(6, 13.3, 2), (10.5 * s, 13.9 * s, tip), 3.8 * s, 3 * s, blend=4 * s)                # its tubercle
+    bone("hamate", (19, -11.2, 7.6), (8.6, 6, 7.6), x_axis=(0.95, -0.25, 0))
+    v.capsule("hamate", at(21, -11.8, 3), (21.5 * s, -12 * s, tip), 3.6 * s, 2.7 * s, blend=3 * s)           # its hook
+    bone("triquetrum", (4, -11.8, 8), (7, 5.6, 7), x_axis=(0.9, -0.35, 0))
+    v.capsule("pisiform", (5 * s, -13.8 * s, tip - 2), (8 * s, -13.6 * s, tip - 1.5), 4.6 * s, 4.3 * s)
+    bone("trapezoid", (20, 10.6, 7.5), (7, 4.6, 6.4))
+    bone("trapezium", (19.5, 16.2, 1), (7.4, 5, 7), x_axis=(0.9, 0.3, 0.1))
+    v.capsule("trapezium", at(20, 15, -2), (20 * s, 13.8 * s, tip), 3.6 * s, 2.6 * s, blend=3 * s)           # its tubercle
+    v.ellipsoid("carpus", at(14, 0.5, 6), (23 * s, 21 * s, 14 * s))
+    for x, y, end_x, end_y, down, base, r in ((30.6, 22.5, 58, 39, -7, 4.6, 5), (32, 10.6, 74, 16, 7, 4, 5), (34.6, 1.6, 74, 4, 7.6, 4, 5),
+                                              (33, -6.8, 73, -8, 7.4, 3.7, 4.8), (32, -14.3, 70, -19.5, 5.5, 3.4, 4.6)):
+        start, end = at(x, y, 0.55 * down if y > 19 else down), at(end_x, end_y, down)
         middle = tuple(0.5 * (a + b) for a, b in zip(start, end))
-        v.tube("metacarpals", [(*start, r * s), (*middle, 3.9 * s), (*end, 5 * s)])
+        v.tube("metacarpals", [(*start, base * s), (*middle, 0.8 * base * s), (*end, r * s)])
 
 
 def tendons(v, p):
     s, top, r = p.arch / 25.7, roof(p), p.tendon
     deep = p.depth - 2 * r - 0.4
     # in the tunnel: y, below its roof; where each goes in the palm: y at x = 80
-    superficial = ((2.3, 2.5 + r, 5, 0.95), (-2.3, 2.5 + r, -7, 0.95), (6.2, 3.7 + r, 17, 0.85), (-6.1, 2.9 + r, -19, 0.75))
+    superficial = ((2.3, 2.5 + r, 5, 0.95), (-2.3, 2.5 + r, -7, 0.95), (5.6, 2.8 + r, 17, 0.85), (-6.1, 2.3 + r, -19, 0.75))
     profundus = ((4.9, deep - 0.2 + r, 18, 1), (1.3, deep - 0.6 + r, 6, 1), (-2.3, deep - 0.4 + r, -7, 1), (-5.8, deep - 0.9 + r, -20, 0.9))
-    for flexors, sink in ((superficial, 0.5), (profundus, 3)):
+    for flexors, sink, over in ((superficial, -0.5, 2.2 * r + 0.4), (profundus, 0.3, -0.6)):
         for y, down, palm, k in flexors:
             z = top - down
-            v.tube("tendons", [(-78, 1.35 * y * s, z - sink - 1, 2 * k * r), (-16, 1.08 * y * s, z - 0.6, k * r),
-                               (30 * s, y * s, z, k * r), (82, palm * s, top - p.depth + 3, k * r)])
-    v.tube("tendons", [(-78, 13 * s, top - 8, 1.8 * r), (-16, 9.4 * s, top - 7, r), (24 * s, 8.1 * s, top - 5.8, r),
-                       (66, 37 * s, top - 2, 0.9 * r)])                                       # flexor pollicis longus
+            v.tube("tendons", [(-78, 1.1 * y * s, z - sink, 1.2 * k * r), (-16, 1.08 * y * s, z, k * r), (30 * s, y * s, z, k * r),
+                               (82, palm * s, top - p.depth + 3 + over, k * r)])
+    v.tube("tendons", [(-78, 13 * s, top - 0.8 * p.depth, 1.4 * r), (-16, 9.6 * s, top - 0.55 * p.depth, 0.9 * r),
+                       (24 * s, 8.8 * s, top - 0.61 * p.depth, 0.9 * r), (66, 37 * s, top - p.depth + 12.6 * s + r, 0.9 * r)])     # flexor pollicis longus
     y, z = nerve_at(p)
     thin = 0.5 * p.nerve_thickness
     for k in (0, -1, 1):
         spread = k * (0.5 * p.nerve_width - thin)
-        v.tube("nerve", [(-78, y + 0.5 * spread, z - 5, 1.5 * thin), (-22, y + 0.7 * spread, z - 2.4, 1.2 * thin),
-                         (-6, y + spread, z - 0.3, thin), (33 * s, y + spread, z, thin), (60, y + 4 * spread, z - 3, 0.8 * thin)])
+        v.tube("nerve", [(-78, y + 5.4 + 0.5 * spread, z - 5, 1.5 * thin), (-22, y + 3.2 + 0.7 * spread, z - 0.8, 1.2 * thin),
+                         (-6, y + spread, z - 0.3, thin), (33 * s, y + spread, z, thin), (60, y + 4 * spread, z - 1.2, 0.8 * thin)])
     # superficial to the ligament: palmaris longus; flexors of the wrist
     flat = 0.36 * p.fat
     for dy in (-0.9, 0, 0.9):
         v.tube("palmaris", [(-78, 3 + dy, -(p.skin + p.fat + 1.6), 1.2 * flat + 0.3), (-20, 3.7 + dy, -(p.skin + 0.6 * p.fat), flat),
                             (20, 3.9 + 1.6 * dy, -(p.skin + 0.6 * p.fat), 0.8 * flat),
                             (44, 4 + 5 * dy, -(p.skin + 0.75 * p.fat), 0.6 * flat)])
-    v.tube("wrist-flexors", [(-78, 13 * s, top - 3, 3.4 * s), (-12, 12.2 * s, top - 2.3, 2 * s), (4, 13.5 * s, top - 3.4, 1.9 * s),
-                             (24 * s, 12.5 * s, top - 9.5, 1.7 * s)])
-    v.tube("wrist-flexors", [(-78, -16 * s, top - 4, 4 * s), (-16, -14.2 * s, top - 3, 2.3 * s), (4, -13 * s, top - 3.6, 2.2 * s)])
+    over = top - 0.42 * p.depth  # over the tubercles of scaphoid and trapezium; the other ends at the pisiform
+    v.tube("wrist-flexors", [(-78, 13 * s, top - 1.8, 2 * s), (-12, 12.6 * s, top - 1.6, 1.9 * s), (2, 13.5 * s, over + 4.2 * s, 1.5 * s),
+                             (10.5 * s, 14 * s, over + 4.9 * s, 1.4 * s), (20 * s, 14.4 * s, over + 4.2 * s, 1.3 * s)])
+    v.tube("wrist-flexors", [(-78, -16 * s, top - 4, 4 * s), (-16, -14.2 * s, top - 3, 2.3 * s), (-1.3 * s, -13.8 * s, over - 2, 1.6 * s)])
     back = -p.thick + p.skin + p.fat + 1.7
     for y, x in ((15, 30), (9, 40), (3, 70), (-2, 75), (-7, 75), (-14, 70)):
-        v.tube("extensors", [(-78, 0.9 * y * s, back + 1.5, 1.7), (0, 0.85 * y * s, back, 1.3), (x, 1.25 * y * s, back + 3, 1.1)])
+        v.tube("extensors", [(-78, 0.9 * y * s, back + 0.6, 1.6), (0, 0.85 * y * s, back - 0.6, 1.3), (x, 1.25 * y * s, back + 3, 1.1)])
 
 
 def vessels(v, p):
@@ -162,7 +169,7 @@ def vessels(v, p):
     y, z = artery(p)
     v.tube("artery", [(-78, -12.5 * s, top - 5, 1.5), (-16, y - 2, z - 3.4, 1.3), (0, y - 0.6, z - 0.7, 1.2), (10, y, z, 1.2),
                       (24, y + 1, z - 0.4, 1.1), (40, y + 5, z - 3.6, 1), (47, 3, z - 4.2, 0.8)])
-    v.tube("ulnar-nerve", [(-78, -15.5 * s, top - 6, 1.5), (-16, y - 4.6, z - 4, 1.3), (0, y - 2.9, z - 2.1, 1.25),
+    v.tube("ulnar-nerve", [(-78, -14.5 * s, top - 8, 1.5), (-16, y - 3.2, z - 5.2, 1.3), (0, y - 2.9, z - 2.1, 1.25),
                            (10, y - 2.5, z - 1.5, 1.2), (24, y - 1.7, z - 1.7, 1.1), (44, y - 7, z - 5, 0.8)])
     v.tube("radial-artery", [(-78, 15 * s, top - 4, 1.5), (-14, 16.8 * s, top - 2.6, 1.3), (-2, 20.5 * s, top - 9, 1.2),
                              (14, 19.5 * s, top - 20, 1.1)])
@@ -210,19 +217,23 @@ def volume(p):
     v.structure("radial-artery", "radial artery", VESSEL)
     for bone, name in (("radius", "radius"), ("ulna", "ulna"), ("carpals", "carpal bones"), ("metacarpals", "metacarpal bones")):
         v.structure(bone, name, BONE)
-        v.rule(bone, bone, None, 0)
+    for bone, met in CARVED.items():
+        v.rule(bone if bone in v.structures else "carpals", bone, None, 0, *((other, 2 if other == "radius" else 1, None) for other in met))
     for thin in ("nerve", "ulnar-nerve", "artery", "radial-artery"):
         v.rule(thin, thin, None, 0)
     v.rule("tendon", "tendons", None, 0)
     for thin in ("wrist-flexors", "palmaris", "extensors"):
         v.rule(thin, thin, None, 0)
-    v.rule("cartilage", "carpals", 0, 1.4, ("radius", None, 5), ("tunnel", 1, None))
-    v.rule("cartilage", "carpals", 0, 1.4, ("metacarpals", None, 3), ("tunnel", 1, None))
+    for bone, met in CARVED.items():
+        for other in met:
+            thick = 2 if other == "radius" else 1
+            v.rule("cartilage", bone, None, thick, (other, 0, thick), ("tunnel", 0.5, None))
+    v.rule("cartilage", "metacarpals", 0, 1.5, ("trapezium", 0, 1.5))
     v.rule("tunnel", "tunnel", None, 0)
     v.rule("skin", "skin", -p.skin, None)
     v.rule("retinaculum", "tunnel", 0, p.retinaculum, ("palmar", 0, None), ("levels", 0, 29 * p.arch / 25.7))
     v.rule("ligament", "tunnel", 0, 2, ("levels", -14, 33), ("palmar", None, 0))
-    v.rule("ligament", "carpals", 0, 2.4, ("tunnel", 0, None), ("palmar", None, 0))
+    v.rule("ligament", "carpus", None, 0, ("palmar", None, 0))
     v.rule("fat", "skin", -p.skin - p.fat, None)
     v.rule("thenar", "thenar", None, 0)
     v.rule("wrist-fat", "levels", -14, 30)
