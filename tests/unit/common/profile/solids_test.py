@@ -194,6 +194,7 @@ def pieces(cells, id):
     return count
 
 
+# shoulder and lumbar still overlap: biceps and cuff in bone, pedicles in discs
 MENDED = ("knee", "wrist")
 
 
