@@ -210,7 +210,7 @@ export function SessionPage({ params, person }) {
           revision ${d.profile_revision}
         </dd>
         <dt>State</dt>
-        <dd>${words(String(session.state).replace('SESSION_', ''))}, engine ${d.engine_version}, ${d.device}</dd>
+        <dd>${words(String(session.state).replace('SESSION_', ''))}, engine <span class="long">${d.engine_version}</span>, ${d.device}</dd>
         <dt>Verdict</dt>
         <dd><${Verdict} of=${session} /></dd>
         ${
