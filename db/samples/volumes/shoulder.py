@@ -5,7 +5,7 @@ Frame: x to the front, y towards the head, z out; the needle enters at the origi
 import math
 from types import SimpleNamespace
 
-from field import Volume, add, cross, dot, norm, scaled, sub, unit
+from field import Volume, add, beside, cross, dot, norm, scaled, sub, unit
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
 # name, value in mm of a slender, a median, a heavy body, source
@@ -124,13 +124,13 @@ def bones(v, p, q):
     half, y = 0.5 * p.acromion_thickness, q.under + 0.5 * p.acromion_thickness + 1.1  # blending fills its underside
     back, front, wide = -0.56 * p.acromion_length, 0.44 * p.acromion_length, p.acromion_breadth
     edge, inner = q.edge - half, q.edge - wide + half
-    v.capsule("scapula", (back + 8, y - 1, edge), (front - half - 5, y - 0.6, edge - 1), 0.86 * half, 0.82 * half)
+    v.capsule("scapula", (back + 8, y - 1.5, edge - 1), (front - half - 5, y - 0.6, edge - 1), 0.86 * half, 0.82 * half)
     v.ellipsoid("scapula", (0.5 * (back + front), y - 0.3, q.edge - 0.5 * wide), (0.49 * p.acromion_length, 0.8 * half, 0.47 * wide),
-                x_axis=(1, -0.03, 0), blend=6)
+                blend=6)
     v.capsule("scapula", (front - half - 2, y - 1.6, q.edge - 0.5 * wide), (back + 8, y - 0.6, inner), 0.8 * half, blend=6)
-    v.tube("scapula", [(back + 7, y - 2, q.edge - 0.75 * wide, 6 * s), (*at(-28.5, 22, -30), 5.5 * s),
+    v.tube("scapula", [(back + 7, y - 3, q.edge - 0.75 * wide, 6 * s), (*at(-28.5, 22, -30), 5.5 * s),
                        (*at(-47, 22, -66), 5 * s), (*at(-54, 12, -100), 3.5 * s)], blend=6)  # spine
-    v.ellipsoid("scapula", add(q.head, (0, -1, -r - 6.5)), (0.5 * p.glenoid_width, 0.5 * p.glenoid_height, 4.5 * s),
+    v.ellipsoid("scapula", add(q.head, (0, -1, -r - 6.5)), (0.5 * p.glenoid_width, 0.5 * p.glenoid_height, 7 * s),
                 x_axis=(1, 0, -0.09), y_axis=(0, 1, 0.1))
     v.tube("scapula", [(*at(-2, -1, -35), 11 * s), (*at(-13, -4, -52), 7 * s)], blend=6)     # neck
     # the blade: a slab between three borders, each a rounded rod
@@ -166,15 +166,18 @@ def soft(v, p, q):
     v.ball("bursa-floor", q.head, r + p.cuff)
     v.ellipsoid("bursa-floor", at(1, 8.4, 18), (15 * s, 11.1 * s, 10.1 * s), blend=3)
     v.ellipsoid("bursa-extent", at(5, 18, 12), (25 * s, 23 * s, 25 * s))
-    v.half_space("above-tubercle", at(0, 7, 27), (0, 0.85, -0.53))
+    v.half_space("cuff-extent", at(0, 7, 27), (0, 0.85, -0.53))
+    v.half_space("cuff-extent", at(0, -6, 0), (0, 1, 0.35))
     v.half_space("above-recess", at(0, -6, 0), (0, 1, 0.35))
     v.half_space("outer", at(0, 0, -14), (0, 0, 1))
     v.half_space("articular-side", at(-1.5, 2.5, -4), (-0.3, 0.5, -0.81))
-    v.ellipsoid("glenoid", add(q.head, (0, -1, -r - 6.5)), (0.5 * p.glenoid_width, 0.5 * p.glenoid_height, 4.5 * s),
-                x_axis=(1, 0, -0.09), y_axis=(0, 1, 0.1))
+    v.ellipsoid("under-acromion", (-0.06 * p.acromion_length, y, q.edge - 0.5 * p.acromion_breadth),
+                (0.6 * p.acromion_length, 50, 0.5 * p.acromion_breadth))
+    v.tube("axilla", [(*at(12, -30, -48), 8), (6, hy - 80, hz - 46 * s, 12.5), (4, hy - 150, hz - 48 * s, 12.5)])
     over = (r + 2.4 * s) / 24 / s
-    v.tube("biceps", [(*at(2, 20, -27), 2.2), (*at(8, 23 * over, -4), 2.3), (*at(13, 18 * over, 10), 2.3),
-                      (*at(15.5, 6, 21), 2.4), (*at(13, -20, 19.5), 2.5), (16, hy - 60, hz + 16, 2.8),
+    groove = [(*beside(v, "humerus", at(x, y, z), (x, 0, z), 1.6), 2.4)  # shallow: 0.8 mm
+              for x, y, z in ((13, 18 * over, 10), (14.5, 12, 16), (15.5, 6, 21), (15, -7, 20.5), (13, -20, 19.5))]
+    v.tube("biceps", [(*at(2, 20, -27), 2.2), (*at(8, 23 * over, -4), 2.3), *groove, (16, hy - 60, hz + 16, 2.8),
                       (24, hy - 100, hz + 14, 7)])
     # around the surgical neck, on the deltoid's inner face
     n, w, z = q.nerve, 0.46 * r + 7, hz + 5 * s
@@ -215,22 +218,27 @@ def volume(p):
     v.structure("nerve", "axillary nerve", NERVE)
     v.structure("artery", "axillary and circumflex arteries", VESSEL)
     v.structure("vein", "cephalic vein", VESSEL)
-    for bone in ("humerus", "scapula", "clavicle"):
+    v.structure("axilla", "axillary fat", softened(LAYERS["fat"], share))
+    joint = p.cartilage + 1.8  # from bone to bone: the socket is hollowed by the head, the groove by the tendon
+    for bone, clip in (("humerus", ("biceps", 0, None)), ("scapula", ("head", joint, None)), ("clavicle", ("scapula", 1.5, None))):
         v.structure(bone, {"scapula": "scapula with acromion"}.get(bone, bone), BONE)
-        v.rule(bone, bone, None, 0)
+        v.rule(bone, bone, None, 0, clip)
     v.rule("scapula", "blade", -1.6, 1.6, ("blade-lateral", None, 0), ("blade-medial", None, 0), ("blade-upper", None, 0))
     for thin in ("nerve", "artery", "vein", "biceps"):
         v.rule(thin, thin, None, 0)
     v.rule("ligament", "arch", None, 0)
-    v.rule("cartilage", "glenoid", 0, 1.8, ("head", None, 4.2))
-    v.rule("cartilage", "head", 0, p.cartilage, ("articular-side", 0, None))
-    v.rule("cuff", "head", 0, p.cuff, ("above-tubercle", 0, None), ("above-recess", 0, None))
+    v.rule("cartilage", "head", p.cartilage, joint, ("scapula", None, 2))
+    v.rule("cartilage", "head", 0, p.cartilage, ("articular-side", 0, None), ("biceps", 0, None))
+    v.rule("cartilage", "clavicle", None, 1.5, ("scapula", 0, 1.5))
+    v.rule("cuff", "head", 0, p.cuff, ("cuff-extent", 0, None), ("biceps", 0, None), ("scapula", 2, None))
     v.rule("capsule", "head", 0, 2.2, ("above-recess", None, 0), ("articular-side", -12, None))
     v.rule("bursa", "bursa-floor", 0, p.bursa, ("bursa-extent", None, 0))
+    v.rule("ligament", "under-acromion", None, 0, ("bursa-floor", 0, p.gap + p.acromion_thickness - p.cuff - 0.3))
     v.rule("skin", "skin", -p.skin, None)
     v.rule("fat", "skin", -p.skin - p.fat, None)
     v.rule("fascia", "skin", -p.skin - p.fat - p.fascia, None)
     v.rule("belly", "bellies", None, 0)
+    v.rule("axilla", "axilla", None, 0)
     v.rule("deltoid", "deltoid", None, 0, ("outer", 0, None))
     return v
 

@@ -23,16 +23,16 @@ SEVERAL = {"carpals": 8, "metacarpals": 5, "tendon": 9, "wrist-flexors": 2, "ext
 TENDONS = {"tendon", "palmaris", "wrist-flexors", "extensors", "quadriceps", "patellar-tendon", "cuff", "biceps"}
 CARTILAGES = {"cartilage", "meniscus", "disc", "facet"}
 # One continues the other: a tendon's insertion, a disc's end plate, the arch and body of one vertebra.
-ATTACHED = {("quadriceps", "patella"), ("patellar-tendon", "patella"), ("patellar-tendon", "tibia"), ("cuff", "humerus"), ("disc", "body"),
+ATTACHED = {("quadriceps", "patella"), ("patellar-tendon", "patella"), ("patellar-tendon", "tibia"), ("cuff", "humerus"), ("biceps", "scapula"), ("disc", "body"),
             *((name, "body") for name in ("l2", "l3", "l4", "l5"))}
-CARRIES = {"glenoid": "scapula", "head": "humerus", "joint-line": "tibia"}  # what cartilage on a group lies on
+CARRIES = {"head": "humerus", "joint-line": "tibia"}  # what cartilage on a group lies on
 # Region: two bones that meet, within how many mm, and the cartilage between them
 MEETING = {"knee": [("femur", "patella", 9), ("femur", "tibia", 8), ("tibia", "fibula", 2.5)], "shoulder": [("humerus", "scapula", 5)],
            "wrist": [("radius", "lunate", 4), ("lunate", "capitate", 2), ("capitate", "hamate", 2), ("scaphoid", "trapezium", 2),
                      ("triquetrum", "pisiform", 2), ("trapezium", "metacarpals", 2.5), ("capitate", "metacarpals", 2)], "lumbar": [("l3", "l4", 2.5)]}
 # Profile: cut (name, axis, mm), structures, share of the cut within the skin. All ranges are set by hand.
 MUSCLE = {"muscle", "vastus", "deltoid", "belly", "thenar", "multifidus", "erector", "psoas"}
-FAT = {"fat", "pad", "wrist-fat", "viscera"}
+FAT = {"fat", "pad", "wrist-fat", "viscera", "axilla"}
 SHARES = {"knee": [("thigh, 85 mm above the recess", 0, -85, (0.45, 0.75), (0.1, 0.42)),
                    ("thigh, 50 mm above the recess", 0, -50, (0.4, 0.72), (0.15, 0.46)),
                    ("calf", 0, 150, (0.27, 0.65), (0.15, 0.6))],
@@ -194,8 +194,8 @@ def pieces(cells, id):
     return count
 
 
-# In the others patella and femur, biceps and cuff and bone, pedicles and discs still overlap.
-MENDED = ("wrist",)
+# In the knees patella and femur, tibia and fibula still overlap; in lumbar pedicles and discs.
+MENDED = ("wrist", "shoulder")
 
 
 class Solids(unittest.TestCase):
