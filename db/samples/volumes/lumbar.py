@@ -135,7 +135,7 @@ def vertebra(v, p, spine, name):
             start = 4
         v.capsule(name, at(11, side * 12 * wide, -e - 2), at(23, side * 11.5 * wide, -e + 0.5), 5, 4.3, blend=4)   # inferior facet
         v.capsule(name, at(-4, side * 15.5 * wide, -e - 9), at(-18, side * 19 * wide, -e - 6.5), 5, 4.2, blend=4)  # superior
-        for along in (-10, -4):                                                             # pedicle
+        for along in (-7, -4):                                                              # pedicle
             v.capsule(name, at(along, side * 14 * wide, spine.body + 0.3 * p.body_depth), at(along, side * 15 * wide, -e - 10), 4.4,
                       blend=5)
         v.capsule(name, at(-5, side * 17 * wide, -e - 12), at(-5, side * 44, -e - 8), 4.8, 3.4, blend=5)           # transverse
@@ -223,9 +223,10 @@ def volume(p):
     v.structure("facet", "facet joint", softened(CARTILAGE, share))
     v.structure("roots", "nerve roots", NERVE)
     v.structure("body", "vertebral bodies", BONE)
-    for name in spine.levels:
+    joints = (("l2", "l3"), ("l3", "l4"), ("l4", "l5"))
+    for name in spine.levels:  # each hollowed by the one above
         v.structure(name, f"vertebra {name.upper()}", BONE)
-        v.rule(name, name, None, 0)
+        v.rule(name, name, None, 0, *((upper, 1.6, None) for upper, lower in joints if lower == name))
     for disc in spine.discs:
         v.rule("disc", disc, -0.5 * p.disc, 0.5 * p.disc, ("column", None, 0))
     v.rule("body", "column", None, 0)
@@ -233,8 +234,8 @@ def volume(p):
     v.rule("csf", "sac", None, -p.dura)
     v.rule("dura", "sac", None, 0)
     v.rule("epidural", "canal", None, 0)
-    for upper, lower in (("l2", "l3"), ("l3", "l4"), ("l4", "l5")):
-        v.rule("facet", upper, 0, 1.6, (lower, 0, 1.6), ("behind", None, 26))
+    for upper, lower in joints:
+        v.rule("facet", lower, None, 1.6, (upper, 0, 1.6), ("behind", None, 26))
     shift = (p.disc + p.body_height) * (spine.top + p.depth) / BEND
     for level in (0, -1, 1):
         v.rule("flavum", "canal", 0, p.flavum, ("behind", 0, None), ("levels", level * shift - 16, level * shift + 12))
