@@ -222,6 +222,14 @@ class Volume:
         return {"groups": groups, "structures": structures, "rules": rules, "skin": self.skin, "rest": self.rest}
 
 
+def beside(v, group, start, way, clearance):
+    """Where a line from `start` first is `clearance` away from what the group has so far."""
+    at = start
+    while v.distance(group, at) < clearance - 1e-3:
+        at = add(at, scaled(unit(way), max(0.5 * (clearance - v.distance(group, at)), 1e-3)))
+    return at
+
+
 LINE = 110  # as in common/profile/message_json.cpp
 
 
