@@ -192,7 +192,8 @@ TEST(BoneAtSpeed, aHandIsStoppedByBone) {
         }
         const double in_m = dot(needle.tip() - thrust.line.origin_m, thrust.line.axis) - thrust.bone_m;
         deepest_m = std::max(deepest_m, in_m);
-        // not there where it wants to be: before it, or, where the bone pushed it aside, well nearer to the surface
+        // not there where it wants to be: before it, or, where the bone pushed it aside, well nearer to the
+        // surface
         const bool aside = patient.fromBone(needle.tip()) > 0.75 * patient.fromBone(thrust.line.at(to_m));
         stopped.count((in_m < 0.008 || aside) && contact.held.right == contact.held.all);
         held.right += contact.held.right, held.all += contact.held.all;
