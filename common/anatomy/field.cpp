@@ -5,40 +5,10 @@
 #include <cmath>
 #include <utility>
 
+#include "common/anatomy/field_joins.h"
+
 namespace needlelab {
 namespace {
-
-constexpr double kFar_m = 1e3;  // no part of the group is near
-
-/// A distance with its slope, as a number: rules and joins are written once for both.
-struct Sloped {
-  double value_m = 0;
-  Vec3 slope;
-  Sloped() = default;
-  Sloped(double value) : value_m(value) {}  // NOLINT: a number that does not change
-  Sloped(double value, Vec3 change) : value_m(value), slope(change) {}
-  Sloped operator-() const { return {-value_m, slope * -1.0}; }
-  friend Sloped operator-(const Sloped& a, const Sloped& b) {
-    return {a.value_m - b.value_m, a.slope - b.slope};
-  }
-  friend Sloped operator*(const Sloped& a, const Sloped& b) {
-    return {a.value_m * b.value_m, a.slope * b.value_m + b.slope * a.value_m};
-  }
-  friend Sloped operator/(const Sloped& a, double b) { return {a.value_m / b, a.slope / b}; }
-  friend bool operator<(const Sloped& a, const Sloped& b) { return a.value_m < b.value_m; }
-  friend bool operator>(const Sloped& a, const Sloped& b) { return a.value_m > b.value_m; }
-};
-Sloped fabs(const Sloped& a) {
-  return a.value_m < 0 ? -a : a;
-}
-
-template <class Number>
-Number smoothMinimum(const Number& a, const Number& b, double blend_m) noexcept {
-  using std::fabs;
-  const Number least = std::min(a, b);
-  const Number overlap = blend_m - fabs(a - b);
-  return overlap > Number(0.0) ? least - overlap * overlap / (4 * blend_m) : least;
-}
 
 /// The signed distance of a point from an ellipsoid with the radii r, both along its axes: the nearest point
 /// of the surface is q = r² p/(t + r²), where t is the greatest root of F(t) = Σ (r p/(t + r²))² − 1 (Eberly,
@@ -76,31 +46,6 @@ double nearestOnEllipsoid(Vec3 p_m, Vec3 r_m, Vec3* out = nullptr) noexcept {
 
 }  // namespace
 
-/// Which parts matter to any rule in some region. Parts are shown from the last to the first, with the bounds
-/// of their distances there. A group's value joins its parts in order: behind the last part it matters up to
-/// v = ruled_m. Before a part with distance d and blend k it matters up to v + k, because a smooth minimum is
-/// at least max(a, d) − k where it blends; and not above d + k, where the part alone decides. A part that is
-/// always above v + k is left out: it does not change a value up to v, and leaves others above v.
-class Field::Mattering {
- public:
-  /// `beyond_rules`: v is unbounded, so that no value changes.
-  explicit Mattering(bool beyond_rules = false) : beyond_rules_(beyond_rules) {}
-  bool matters(const Part& part, double low_m, double high_m) noexcept {
-    if (part.group != group_) {
-      group_ = part.group;
-      up_to_m_ = beyond_rules_ ? kInfinity : part.ruled_m;
-    }
-    if (low_m > up_to_m_ + part.blend_m) return false;
-    up_to_m_ = std::min(up_to_m_, high_m) + part.blend_m;
-    return true;
-  }
-
- private:
-  bool beyond_rules_;
-  unsigned group_ = kMaxFieldGroups;
-  double up_to_m_ = 0;
-};
-
 double Field::distanceToEllipsoid(const Part& part, Vec3 p_m, Vec3* slope) noexcept {
   const Vec3 d = p_m - part.a;
   const Vec3 own{dot(d, part.x), dot(d, part.y), dot(d, part.z)};
@@ -129,9 +74,15 @@ double Field::distanceToEllipsoid(const Part& part, Vec3 p_m, Vec3* slope) noexc
       return -at_least_m;
     }
   }
+  return exactDistanceToEllipsoid(part, p_m, slope);
+}
+
+double Field::exactDistanceToEllipsoid(const Part& part, Vec3 p_m, Vec3* slope) noexcept {
+  const Vec3 d = p_m - part.a;
   Vec3 out;
-  const double distance_m = nearestOnEllipsoid(own, part.b, slope != nullptr ? &out : nullptr);
-  if (slope != nullptr) *slope = turned(out);
+  const double distance_m = nearestOnEllipsoid({dot(d, part.x), dot(d, part.y), dot(d, part.z)}, part.b,
+                                               slope != nullptr ? &out : nullptr);
+  if (slope != nullptr) *slope = part.x * out.x + part.y * out.y + part.z * out.z;
   return distance_m;
 }
 
@@ -155,10 +106,11 @@ void Field::join(const Part& part, Vec3 p_m, Distances& distances) noexcept {
   group = smoothMinimum(group, distanceTo(part, p_m), part.blend_m);
 }
 
-FieldSlope Field::slopeTo(const Part& part, Vec3 p_m) noexcept {
+FieldSlope Field::slopeTo(const Part& part, Vec3 p_m, bool exact) noexcept {
   if (part.kind == Kind::kEllipsoid) {
     FieldSlope to;
-    to.distance_m = distanceToEllipsoid(part, p_m, &to.slope);
+    to.distance_m =
+        exact ? exactDistanceToEllipsoid(part, p_m, &to.slope) : distanceToEllipsoid(part, p_m, &to.slope);
     return to;
   }
   const double distance_m = distanceTo(part, p_m);
@@ -208,13 +160,8 @@ double Field::skinDistance(Vec3 p_m) const noexcept {
   double distance_m = kFar_m;
   for (const Part& part : parts_) {
     if (part.group != skin_) continue;
-    double part_m = 0;
-    if (part.kind == Kind::kEllipsoid) {
-      const Vec3 d = p_m - part.a;
-      part_m = nearestOnEllipsoid({dot(d, part.x), dot(d, part.y), dot(d, part.z)}, part.b);
-    } else {
-      part_m = distanceTo(part, p_m);
-    }
+    const double part_m =
+        part.kind == Kind::kEllipsoid ? exactDistanceToEllipsoid(part, p_m) : distanceTo(part, p_m);
     distance_m = smoothMinimum(distance_m, part_m, part.blend_m);
   }
   return distance_m;

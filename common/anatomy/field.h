@@ -54,6 +54,9 @@ struct FieldSlope {
 /// Immutable after construction: any number of threads may ask at once. No function allocates but those that
 /// say so.
 class Field {
+  struct Part;
+  struct Rule;
+
  public:
   /// The parts of the field that matter on a stretch of a line. Asked outside of it, it answers wrong. Valid
   /// as long as its field.
@@ -112,6 +115,43 @@ class Field {
     std::size_t count_ = 0;
   };
 
+  /// The distance from some structures, with its slope, and only the parts and rules that decide it in a
+  /// ball. Valid as long as its field.
+  class Piece {
+   public:
+    /// Exact up to the joins of shapes, at any distance from the surface (structuresDistance is not). The
+    /// same bits in all balls that contain the point. Asked outside of the ball, it answers wrong.
+    [[nodiscard]] FieldSlope at(Vec3 p_m) const noexcept;
+    /// The same in a ball within this one's.
+    [[nodiscard]] Piece within(Vec3 center_m, double radius_m) const noexcept;
+
+   private:
+    friend class Field;
+    // a bound of a rule's range: negative within it
+    struct Bound {
+      double at_m;
+      std::uint8_t group;
+      bool is_upper;
+      [[nodiscard]] double operator()(double distance_m) const {
+        return is_upper ? distance_m - at_m : at_m - distance_m;
+      }
+    };
+    struct RuleBounds {
+      std::uint16_t begin, end;
+      bool is_asked;  // of a structure that is asked for; others take points from later rules
+    };
+    static constexpr std::size_t kMostBounds = 2 * kMaxFieldRules * (1 + kMaxRuleClips);
+    void add(const Rule& rule, bool is_asked) noexcept;
+    static bool slopeBelow(const Part& part, Vec3 p_m, double bound_m, FieldSlope& to) noexcept;
+    static double leastToEllipsoid(const Part& part, Vec3 p_m) noexcept;
+    const Field* field_ = nullptr;
+    std::array<std::uint16_t, kMaxFieldParts> parts_;
+    std::array<RuleBounds, kMaxFieldRules + 1> rules_;
+    std::array<Bound, kMostBounds> bounds_;
+    std::size_t part_count_ = 0, rule_count_ = 0, bound_count_ = 0;
+    bool skin_decides_ = true;
+  };
+
   /// Errors: those of checkField.
   static Result<Field> make(const FieldSpec& spec);
 
@@ -132,6 +172,8 @@ class Field {
   [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m) const noexcept;
   /// The same with fewer parts, for structuresDistance of this mask only.
   [[nodiscard]] InBall inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept;
+  /// The whole field as a piece.
+  [[nodiscard]] Piece piece(StructureMask mask) const noexcept;
   /// A box around the points of some structures; unbounded where a half-space bounds them.
   [[nodiscard]] FieldBox boxAround(StructureMask mask) const noexcept;
 
@@ -184,9 +226,11 @@ class Field {
   void addSegment(std::uint8_t group, double blend_m, const CapsulePart& capsule);
   [[nodiscard]] static double distanceTo(const Part& part, Vec3 p_m) noexcept;
   [[nodiscard]] static double distanceToEllipsoid(const Part& part, Vec3 p_m, Vec3* slope = nullptr) noexcept;
+  [[nodiscard]] static double exactDistanceToEllipsoid(const Part& part, Vec3 p_m,
+                                                       Vec3* slope = nullptr) noexcept;
   static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
   void distancesAt(Vec3 p_m, Distances& distances) const noexcept;
-  [[nodiscard]] static FieldSlope slopeTo(const Part& part, Vec3 p_m) noexcept;
+  [[nodiscard]] static FieldSlope slopeTo(const Part& part, Vec3 p_m, bool exact = false) noexcept;
   /// structuresDistance from the groups' distances, or from these with their slopes.
   template <class Number>
   [[nodiscard]] Number joined(StructureMask mask,

@@ -79,12 +79,37 @@ class FieldBones final : public Bones {
   const Field::InBall& all_;
 };
 
+class FieldSurroundings final : public Surroundings {
+ public:
+  FieldSurroundings(const Field::Piece& skin, const Field::Piece& bones, bool has_bones, Vec3 center_m,
+                    double radius_m)
+      : has_bones_(has_bones),
+        skin_(skin.within(center_m, radius_m)),
+        bones_(bones.within(center_m, radius_m)) {}
+
+  [[nodiscard]] DistanceAt skin(Vec3 p_m) const noexcept override {
+    const FieldSlope at = skin_.at(p_m);
+    return {at.distance_m, at.slope};
+  }
+  [[nodiscard]] DistanceAt bone(Vec3 p_m) const noexcept override {
+    if (!has_bones_) return {std::numeric_limits<double>::infinity(), {}};
+    const FieldSlope at = bones_.at(p_m);
+    return {at.distance_m, at.slope};
+  }
+
+ private:
+  bool has_bones_;
+  Field::Piece skin_, bones_;
+};
+
 }  // namespace
 
 FieldBody::FieldBody(Field field) : field_(std::move(field)) {
   for (std::size_t i = 0; i < field_.structures().size(); ++i)
     if (field_.structures()[i].layer.is_bone) bones_ |= maskOf(static_cast<StructureIndex>(i));
   bone_parts_ = field_.inBall({}, std::numeric_limits<double>::infinity(), bones_);
+  skin_piece_ = field_.piece(kWholeBody);
+  bone_piece_ = field_.piece(bones_);
 }
 
 double FieldBody::depth(Vec3 p_m) const noexcept {
@@ -111,6 +136,10 @@ LayerStack FieldBody::layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double
 std::shared_ptr<const Bones> FieldBody::bonesIn(Vec3 center_m, double radius_m) const {
   if (bones_ == 0) return nullptr;
   return std::make_shared<FieldBones>(field_, bone_parts_, bones_, center_m, radius_m);
+}
+
+std::shared_ptr<const Surroundings> FieldBody::around(Vec3 center_m, double radius_m) const {
+  return std::make_shared<FieldSurroundings>(skin_piece_, bone_piece_, bones_ != 0, center_m, radius_m);
 }
 
 }  // namespace needlelab

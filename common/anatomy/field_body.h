@@ -21,6 +21,7 @@ class FieldBody final : public Body {
   [[nodiscard]] LayerStack layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double min_layer_m,
                                        AtBone at_bone) const noexcept override;
   [[nodiscard]] std::shared_ptr<const Bones> bonesIn(Vec3 center_m, double radius_m) const override;
+  [[nodiscard]] std::shared_ptr<const Surroundings> around(Vec3 center_m, double radius_m) const override;
 
   [[nodiscard]] const Field& field() const { return field_; }
 
@@ -28,6 +29,7 @@ class FieldBody final : public Body {
   Field field_;
   StructureMask bones_ = 0;
   Field::InBall bone_parts_;
+  Field::Piece skin_piece_, bone_piece_;
 };
 
 }  // namespace needlelab

@@ -1,6 +1,5 @@
 /// A patient's body as the engine asks it: where the skin is, which layers a straight needle meets, where
-/// bone is. common/anatomy implements it. On the haptic thread the engine asks its bones, and only with the
-/// needle's cap on the rest.
+/// bone is. common/anatomy implements it. The haptic thread asks only pieces of it.
 #pragma once
 
 #include <array>
@@ -59,6 +58,22 @@ class Bones {
   [[nodiscard]] virtual StructureIndex structureAt(Vec3 p_m) const noexcept = 0;
 };
 
+/// A signed distance, negative in what it is from, and how it changes per length.
+struct DistanceAt {
+  double distance_m = 0;
+  Vec3 slope;
+};
+
+/// The skin and the bones about a place: a piece of a body, right in a ball, where all pieces give the same
+/// bits. In the frame L. Immutable; a tick may ask it: nothing allocates, locks or throws.
+class Surroundings {
+ public:
+  virtual ~Surroundings() = default;
+  [[nodiscard]] virtual DistanceAt skin(Vec3 p_m) const noexcept = 0;
+  /// Infinite where there is no bone; at most kMostSteep times the distance.
+  [[nodiscard]] virtual DistanceAt bone(Vec3 p_m) const noexcept = 0;
+};
+
 /// A distance of a body changes by at most this per length: √(1 + ½²) (common/anatomy/field.cpp).
 inline constexpr double kMostSteep = 1.118033988749895;
 
@@ -76,9 +91,11 @@ class Body {
   /// the one before. Empty if the line is outside at its beginning.
   [[nodiscard]] virtual LayerStack layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double min_layer_m,
                                                AtBone at_bone) const noexcept = 0;
-  /// The bones, for a tip in this ball. Null if the body has none. It lives no longer than the body, and is
-  /// the only thing here that allocates.
+  /// The bones, for a tip in this ball. Null if the body has none. It lives no longer than the body, and
+  /// allocates.
   [[nodiscard]] virtual std::shared_ptr<const Bones> bonesIn(Vec3 center_m, double radius_m) const = 0;
+  /// Skin and bones in this ball. It lives no longer than the body, and allocates.
+  [[nodiscard]] virtual std::shared_ptr<const Surroundings> around(Vec3 center_m, double radius_m) const = 0;
 };
 
 }  // namespace needlelab

@@ -89,6 +89,25 @@ struct PlacedBones {
   }
 };
 
+/// The skin and the bones about a capped tip, and about the place where its ball rests on the skin, in W;
+/// null before a body's first path. Real-time safe.
+struct PlacedSurroundings {
+  std::shared_ptr<const Surroundings> tip, rest;
+  Pose X_WL, X_LW;
+
+  [[nodiscard]] DistanceAt skin(const Surroundings& piece, Vec3 p_W_m) const noexcept {
+    return placed(piece.skin(X_LW * p_W_m));
+  }
+  [[nodiscard]] DistanceAt bone(const Surroundings& piece, Vec3 p_W_m) const noexcept {
+    return placed(piece.bone(X_LW * p_W_m));
+  }
+
+ private:
+  [[nodiscard]] DistanceAt placed(DistanceAt at) const noexcept {
+    return {at.distance_m, rotate(X_WL.q, at.slope)};
+  }
+};
+
 /// Only `compile` makes one; const afterwards. Copying is cheap enough outside the haptic thread. Thread: any
 /// may read.
 class SceneModel {
@@ -158,6 +177,7 @@ class SceneModel {
   bool bone_is_plane = false;      ///< the limb is a plane, and so is the bone
   Vec3 bone_point_m, bone_normal;  ///< … with its unit normal out of the bone
   PlacedBones bones;               ///< on a path in a body: instead of all these
+  PlacedSurroundings around;       ///< PALPATION, on a path in a body
   bool in_body = false;            ///< of a path in a body: a structure may come more than once
 
   /// A body: what its paths are compiled from (path_stack.h); null for all other limbs. Such a model is not

@@ -75,7 +75,7 @@ constexpr bool isPlaced(Effect effect) {
 /// Capacity for stages. StageNumbers holds a stage's numbers from the author, for the tick, or remembered
 /// between ticks; the stage defines their meaning.
 inline constexpr std::size_t kMaxStages = 8;
-using StageNumbers = std::array<double, 8>;
+using StageNumbers = std::array<double, 9>;
 static_assert(kEffectCount - kPlacedEffectCount <= kMaxStages);
 constexpr std::size_t stageOf(Effect effect) {
   return static_cast<std::size_t>(effect) - kPlacedEffectCount;
@@ -87,7 +87,7 @@ inline constexpr std::size_t kBoneStiffness_N_per_m = 0, kBoneFriction = 1;
 inline constexpr std::size_t kHubStiffness_N_per_m = 0;
 /// The places of PALPATION's numbers.
 inline constexpr std::size_t kPalpationSkin_N_per_m = 0, kPalpationBone_N_per_m = 1, kPalpationFriction = 2,
-                             kPalpationRadius_m = 3;
+                             kPalpationRadius_m = 3, kPalpationStiffening = 4;
 
 /// The half-space on the far side of `normal`; `normal` (any length > 0) points out of the tissue.
 struct PlaneLimb {

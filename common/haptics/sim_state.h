@@ -114,6 +114,7 @@ struct Palpation {
   bool capped = false;
   bool clear = false;  ///< capped, the ball has been off the skin: it touches nothing before
   ProxyContact skin, bone;
+  double held_J = 0;  ///< what the springs of both hold; not part of the hash
 };
 
 /// A stretch of the line from P0 along u that lies in one layer. Without initial values, as StiffnessSpan: to

@@ -187,14 +187,15 @@ Result<std::vector<double>> palpationTimes(const pb::Profile& profile,
   if (!model.isLive(Effect::kPalpation)) return times_us;
   const auto& limb = std::get<BodyLimb>(scene.limb);
   for (const AnatomyPath& path : paths) {
-    const PlacedBones bones{limb.body->bonesIn(inverse(limb.X_WL) * path.entry_m, 0.02), limb.X_WL,
-                            inverse(limb.X_WL)};
+    const Pose X_LW = inverse(limb.X_WL);
+    const auto piece = limb.body->around(X_LW * path.entry_m, 0.02);
+    const PlacedSurroundings around{piece, piece, limb.X_WL, X_LW};
     SimState state;
     StepReport report;
     for (int tick = 0; tick < kTicks; ++tick) {
       const TipSample sample{path.entry_m + path.axis * (kTick_m * (tick - 24)), {}};
       const double before_s = threadSeconds();
-      if (changeCap(model, true, sample, state)) palpate(model, bones, sample, state, report);
+      if (changeCap(model, around, true, sample, state)) palpate(model, around, sample, state, report);
       if (state.palpation.skin.touching) times_us.push_back(1e6 * (threadSeconds() - before_s));
     }
   }

@@ -156,6 +156,7 @@ Status StationRun::openSession() {
   d.set_profile_revision(lesson_.profile_revision);
   d.set_profile_json(profileJson(lesson_.profile));
   d.set_engine_version(programVersion());
+  d.set_capped_on_pieces(lesson_.model.isLive(Effect::kPalpation));
   d.set_rate_hz(options_.rate_hz);
   setResolution(d, Resolution::standard());
   d.set_started_steady_ns(home_.time().nowNs());

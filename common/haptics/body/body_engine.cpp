@@ -30,6 +30,9 @@ constexpr std::uint64_t kMarkPaths = 4;
 constexpr double kMostAhead_m = 0.02;
 /// Bones are asked often so far around the place where the tip is expected, and on its way there.
 constexpr double kBall_m = 0.010;
+/// With the cap on a piece is right so far around tip and proxy, and where they are expected; a new one is
+/// asked for when the tip has gone on by this.
+constexpr double kAround_m = 0.006, kOnAround_m = 0.003;
 bool turned(Vec3 a, Vec3 b, double sine) {
   return normSquared(a - b) > sine * sine;
 }
@@ -92,6 +95,8 @@ struct SceneEngine::InBody {
   /// Uses a path from this tick on, or retires it. Returns whether it uses it.
   bool use(PathStack* made, std::uint64_t insertion, std::uint32_t& flags, SimState& state) noexcept;
   void replace(PathStack* next, std::uint32_t& flags, SimState& state) noexcept;
+  /// A reader that begins with the cap on has a piece of the body at once.
+  void beginCapped(const TipSample& sample, SimState& state);
   /// The path for this tick, if one is due or was given for it. True if it is used.
   bool usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept;
   void useOutside(PathStack& next, std::uint32_t& flags, SimState& state) const noexcept;
@@ -109,7 +114,7 @@ struct SceneEngine::InBody {
 void SceneEngine::InBody::useOutside(PathStack& next, std::uint32_t& flags, SimState& state) const noexcept {
   SceneModel& model = next.model;
   state.layer = 0;
-  if (!state.has_prev) return;
+  if (!state.has_prev || state.palpation.capped) return;
   state.outside_once = state.outside_once || !(depthIn(model, asked_at_W_m) > 0.0);
   double depth_m = depthIn(model, state.p_prev_W_m);
   if (depth_m > 0.0 && state.outside_once) {
@@ -171,6 +176,18 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
   return true;
 }
 
+void SceneEngine::InBody::beginCapped(const TipSample& sample, SimState& state) {
+  PathLayers path;
+  std::uint32_t flags = 0;
+  const PathAsk first{.capped = true,
+                      .p_tip_W_m = sample.p_WT_m,
+                      .ball_radius_m = kAround_m,
+                      .axis_W = unitAxis(sample),
+                      .point_W_m = sample.p_WT_m};
+  if (findPath(body, first, path))
+    if (auto made = compilePath(body, path)) replace(made.release(), flags, state);
+}
+
 // how much deeper the tip is than the place of the line beside it
 double asideOf(const TipSample& sample, const SimState& state) {
   return state.depth_prev_m - dot(state.u_W, sample.p_WT_m - state.p_entry_W_m) * state.slant;
@@ -191,7 +208,8 @@ bool SceneEngine::InBody::wantsInside(const TipSample& sample, const SimState& s
 bool SceneEngine::InBody::wantsOutside(const TipSample& sample, const SimState& state) noexcept {
   assert(!state.inside);
   looked_at_W_m = sample.p_WT_m;
-  if (now == nullptr || ask.insertion != 0) return true;
+  if (now == nullptr || ask.insertion != 0 || ask.capped != state.palpation.capped) return true;
+  if (ask.capped) return normSquared(sample.p_WT_m - asked_at_W_m) > kOnAround_m * kOnAround_m;
   const double enough_m = std::max(kMoved_m, kMovedShare * std::fabs(state.depth_prev_m));
   if (normSquared(sample.p_WT_m - asked_at_W_m) > enough_m * enough_m) return true;
   // making a vector a unit vector at most doubles its distance from another: mostly no root is needed
@@ -207,8 +225,16 @@ void SceneEngine::InBody::askFor(const TipSample& sample, const SimState& state)
   if (normSquared(ahead) > kMostAhead_m * kMostAhead_m) ahead = ahead * (kMostAhead_m / norm(ahead));
   ask.tick = tick;
   ask.insertion = state.inside ? state.insertions : 0;
-  ask.p_tip_W_m = state.bone.touching ? state.bone.p_proxy_W_m : sample.p_WT_m + ahead;
-  ask.ball_radius_m = kBall_m + norm(ask.p_tip_W_m - sample.p_WT_m);
+  ask.capped = state.palpation.capped;
+  if (ask.capped) {
+    const Vec3 to_bone = state.palpation.bone.stretch_W_m * 0.5;
+    ask.p_tip_W_m = sample.p_WT_m + to_bone + ahead;
+    ask.ball_radius_m = kAround_m + norm(to_bone) + norm(ahead);
+    ask.point_W_m = sample.p_WT_m + state.palpation.skin.stretch_W_m + ahead;
+  } else {
+    ask.p_tip_W_m = state.bone.touching ? state.bone.p_proxy_W_m : sample.p_WT_m + ahead;
+    ask.ball_radius_m = kBall_m + norm(ask.p_tip_W_m - sample.p_WT_m);
+  }
   asked_at_W_m = looked_at_W_m = sample.p_WT_m;
   if (state.inside) {
     ask.axis_W = state.u_W;
@@ -320,8 +346,8 @@ void SceneEngine::stepOnModel(const TipSample& sample, const StoredTick* stored,
       if (wants_cap_ != isCapped() || (wants_cap_ && !clear && state_.palpation.clear))
         setCap(wants_cap_, clear, state_);
     }
-    if (changeCap(*scene_, wants_cap_, sample, state_))
-      return palpate(*scene_, model_->bones, sample, state_, report);
+    if (changeCap(*scene_, model_->around, wants_cap_, sample, state_))
+      return palpate(*scene_, model_->around, sample, state_, report);
   }
   if (as_stored)
     static_cast<void>(needlelab::stepAsStored(*model_, sample, *stored, state_, report));
@@ -380,6 +406,8 @@ void SceneEngine::stepAtEvent(const TipSample& sample, const StoredTick* stored,
   std::uint32_t flags = 0;
   if (stored != nullptr || (body.asked && body.tick == body.due)) {
     static_cast<void>(body.usePath(stored, flags, state_));
+    if (stored != nullptr && (stored->flags & kFlagCapped) != 0 && body.now == nullptr && isFinite(sample))
+      body.beginCapped(sample, state_);
     if (body.now != nullptr) model_ = &body.now->model;
   }
   stepOnModel(sample, stored, as_stored, report);

@@ -18,11 +18,11 @@ constexpr double kBends_m = 1.5e-3;
 constexpr double kSurely_m = 1e-9;
 
 // the bones, which a body's skin ends
-struct BonesInBody : OnBones {
+struct BonesInBody : OnBones<const PlacedBones&> {
   const SceneModel& model;
   Vec3 u_W;
 
-  BonesInBody(const SceneModel& of, Vec3 u) : OnBones{of.bones}, model(of), u_W(u) {}
+  BonesInBody(const SceneModel& of, Vec3 u) : OnBones<const PlacedBones&>{of.bones}, model(of), u_W(u) {}
 
   [[nodiscard]] double depth(Vec3 p_W_m) const { return std::min(-away(p_W_m), depthIn(model, p_W_m)); }
   [[nodiscard]] Vec3 normal(Vec3 p_W_m, Vec3 motion) const {

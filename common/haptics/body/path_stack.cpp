@@ -58,9 +58,18 @@ void takeLayers(const LayerStack& marched, double from_m, double slant, double a
 
 bool findOutside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, PathLayers& path) {
   const Vec3 at_W_m = nearestSkin(spec.limb, ask.p_tip_W_m, ask.axis_W), normal_W = body.normal(at_W_m);
-  if (normal_W == Vec3{} || !isFinite(normal_W) || !isFinite(at_W_m)) return false;
+  const bool has_skin = normal_W != Vec3{} && isFinite(normal_W) && isFinite(at_W_m);
   path.point_W_m = at_W_m;
   path.normal_W = normal_W;
+  if (ask.capped) {
+    path.point_W_m = ask.point_W_m;
+    if (!has_skin) path.normal_W = ask.axis_W * -1.0;
+    StructureIndex tissue = 0;
+    while (spec.layers[tissue].is_bone && tissue + 1u < spec.layers.size()) ++tissue;
+    path.layers[path.count++] = {tissue, 0};
+    return true;
+  }
+  if (!has_skin) return false;
   const Vec3 axis_W = entryDirection(ask.axis_W, normal_W);
   const double reach_m = std::min(1.0, kReach * spec.needle_length_m);
   takeLayers(body.layers(at_W_m, axis_W, reach_m, sliver_m(spec)), 0, -dot(normal_W, axis_W), 0, path);
@@ -174,11 +183,13 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
         static_cast<std::uint8_t>(made->reported[std::min<std::size_t>(layer, count - 1)]);
   }
   if (has_bone) made->reported[count] = kTouchedBone;
-  if (has_bone || body.isLive(Effect::kPalpation)) {
-    const auto& limb = std::get<BodyLimb>(body.body_spec->limb);
-    const Pose X_LW = inverse(limb.X_WL);
-    made->model.bones = {limb.body->bonesIn(X_LW * path.ball_W_m, path.ball_radius_m), limb.X_WL, X_LW};
-  }
+  const auto& limb = std::get<BodyLimb>(body.body_spec->limb);
+  const Pose X_LW = inverse(limb.X_WL);
+  const Vec3 ball_L_m = X_LW * path.ball_W_m;
+  if (has_bone) made->model.bones = {limb.body->bonesIn(ball_L_m, path.ball_radius_m), limb.X_WL, X_LW};
+  if (body.isLive(Effect::kPalpation))
+    made->model.around = {limb.body->around(ball_L_m, path.ball_radius_m),
+                          limb.body->around(X_LW * path.point_W_m, path.ball_radius_m), limb.X_WL, X_LW};
   if (has_bone) useBones(made->model);
   return made;
 }

@@ -296,11 +296,12 @@ double heldEnergy_J(const SceneModel& model, const SimState& state, const StepRe
   double held_J = spring_J(tissue_N, model.axial_stiffness_N_per_m);
   for (const EffectEntry* entry : effectEntries()) {
     if (entry->stiffness_N_per_m == nullptr || entry->effect == Effect::kClamping ||
-        entry->effect == Effect::kPuncture)
+        entry->effect == Effect::kPuncture || entry->effect == Effect::kPalpation)
       continue;
     if (model.isLive(entry->effect))
       held_J += spring_J(entry->value(report), entry->stiffness_N_per_m(model));
   }
+  held_J += state.palpation.held_J;
   if (state.inside) {
     const double felt_m = dot(state.u_W, state.p_prev_W_m - state.p_entry_W_m) - state.bone.held_m;
     const double membrane_m = std::max(0.0, felt_m - cuttingPosition(state, felt_m));

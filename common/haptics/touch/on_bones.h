@@ -9,9 +9,10 @@
 
 namespace needlelab::proxy_contact {
 
-/// All places that are `above_m` off the bones.
+/// All places that are `above_m` off the bones, which have `distance` and `slope`, as Bones has.
+template <class Bones>
 struct OnBones {
-  const PlacedBones& bones;
+  Bones bones;
   double above_m = 0;
   static constexpr bool kIsConvex = false;
   /// A way is looked at in at most so many steps, …

@@ -12,17 +12,18 @@ double capRadius_m(const SceneModel& scene) noexcept;
 
 /// Puts the cap on or takes it off, in a tick before the step. Either waits until the ball is off the skin
 /// and touches nothing, so neither changes a force; in the first tick of a state the cap goes on anywhere.
+/// `around`: of a body, a piece about the tip; before there is one, it is not known to be off the skin.
 /// Returns whether the cap is on. Real-time safe.
-bool changeCap(const SceneModel& scene, bool on, const TipSample& sample, SimState& state) noexcept;
+bool changeCap(const SceneModel& scene, const PlacedSurroundings& around, bool on, const TipSample& sample,
+               SimState& state) noexcept;
 
 /// Puts the cap on or takes it off wherever the tip is, for a reader whose stored tick says so. `clear`: the
 /// ball has been off the skin. Real-time safe.
 void setCap(bool on, bool clear, SimState& state) noexcept;
 
-/// A tick with the cap on, instead of `step`. `scene`: in a body, its own model, not that of a path; `bones`:
-/// those of the path. It asks the limb where the skin is, in this tick: tens of microseconds in a body.
-/// Real-time safe.
-void palpate(const SceneModel& scene, const PlacedBones& bones, const TipSample& sample, SimState& state,
-             StepReport& report) noexcept;
+/// A tick with the cap on, instead of `step`. `scene`: in a body, its own model, not that of a path;
+/// `around`: a piece of the body about the tip; without it the ball feels nothing. Real-time safe.
+void palpate(const SceneModel& scene, const PlacedSurroundings& around, const TipSample& sample,
+             SimState& state, StepReport& report) noexcept;
 
 }  // namespace needlelab

@@ -72,6 +72,10 @@ void describe(Rerun& run, const StoredGesture& gesture) {
                   fixedText(run.mean_difference_N, 2, Sign::kBoth)));
   run.sentences.push_back(
       "the recorded hand did not feel this: with other forces it would have moved differently");
+  if (!gesture.info.description().capped_on_pieces() &&
+      std::ranges::any_of(gesture.samples,
+                          [](const GestureSample& s) { return (s.flags & kFlagCapped) != 0; }))
+    run.sentences.push_back("recorded before 1.0: forces with the cap on are not exact");
   if (gesture.thinned)
     run.sentences.push_back("thinned recording: forces that depend on speed are less exact");
 }

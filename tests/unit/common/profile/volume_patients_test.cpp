@@ -223,7 +223,7 @@ TEST(VolumePatients, aNeedleOnThePlannedPathFeelsTheirLayersTwiceAlike) {
 TEST(VolumePatients, aCappedTipThatSlidesOverThemIsSmoothAndPassive) {
   constexpr double kLoop_hz = 1000, kFall_m = 0.020 / kLoop_hz;
   constexpr int kSlideTicks = 4000, kSlides = 4;
-  double most_N = 0;
+  double most_N = 0, soft_N = 0;
   for (const Patient& patient : patients()) {
     SCOPED_TRACE(patient.profile.id());
     SceneSpec scene = *sceneSpecOf(patient.profile);
@@ -232,6 +232,7 @@ TEST(VolumePatients, aCappedTipThatSlidesOverThemIsSmoothAndPassive) {
     const pb::Palpation& numbers = patient.profile.palpation();
     const double ks = numbers.skin_stiffness_n_per_m(), kp = numbers.bone_stiffness_n_per_m(),
                  mu = numbers.friction_coefficient();
+    soft_N = std::max(soft_N, ks * 0.015 * std::sqrt(1 + mu * mu));
     test::Random random(7);
     for (int slide = 0; slide < kSlides; ++slide) {
       SceneEngine engine(*model);
@@ -267,7 +268,7 @@ TEST(VolumePatients, aCappedTipThatSlidesOverThemIsSmoothAndPassive) {
       }
     }
   }
-  EXPECT_GT(most_N, 6) << "bone is felt";
+  EXPECT_GT(most_N, 3 * soft_N) << "bone is felt";
 }
 
 // Needles at random places and angles, 20 mm/s: where one begins to rest on bone, the field has bone.

@@ -36,6 +36,10 @@ class BallBody final : public Body {
   [[nodiscard]] std::shared_ptr<const Bones> bonesIn(Vec3 /*center_m*/, double /*radius_m*/) const override {
     return nullptr;
   }
+  [[nodiscard]] std::shared_ptr<const Surroundings> around(Vec3 /*center_m*/,
+                                                           double /*radius_m*/) const override {
+    return nullptr;
+  }
 
   static constexpr Vec3 kCenter{0, 0, -kSkinRadius_m};
 
