@@ -5,7 +5,7 @@ towards the fingers, at 45° to the skin.
 """
 import math
 
-from field import Volume
+from field import TUBE, Volume
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
 PARAMETERS = [
@@ -40,6 +40,12 @@ LAYERS = {
 }
 NAMES = {"skin": "skin", "fat": "subcutaneous fat", "retinaculum": "transverse carpal ligament", "tunnel": "carpal tunnel",
          "tendon": "flexor tendons", "muscle": "muscles of forearm and hand", "ligament": "carpal ligaments"}
+# What the tissue does not say; fibres; pulses in mm: set by hand
+KINDS = {"retinaculum": "LIGAMENT", "tunnel": "SYNOVIUM", "ligament": "LIGAMENT", "nerve": "NERVE", "ulnar-nerve": "NERVE",
+         "artery": "ARTERY", "radial-artery": "ARTERY"}
+FIBRES = {**{id: TUBE for id in ("tendon", "palmaris", "wrist-flexors", "extensors", "nerve", "ulnar-nerve", "artery", "radial-artery")},
+          "retinaculum": (0, 1, 0), "muscle": (1, 0, 0), "thenar": (1, 0, 0)}
+PULSES = {"artery": 0.03, "radial-artery": 0.03}
 FORCES = {"slender": (0.8, 1), "median": (1, 1.05), "heavy": (1.1, 1.1)}  # of cutting, of friction
 
 
@@ -237,6 +243,7 @@ def volume(p):
     v.rule("fat", "skin", -p.skin - p.fat, None)
     v.rule("thenar", "thenar", None, 0)
     v.rule("wrist-fat", "levels", -14, 30)
+    v.describe(KINDS, FIBRES, PULSES)
     return v
 
 

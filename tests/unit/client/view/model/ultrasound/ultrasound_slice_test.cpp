@@ -189,7 +189,7 @@ SceneView flatMuscle() {
   SceneView scene;
   scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   scene.layers.resize(1);
-  scene.layers[0].tissue = pb::Layer::MUSCLE;
+  scene.layers[0].kind = pb::Volume::Structure::MUSCLE;
   scene.layers[0].bottom_m = 0.2;
   scene.needle.length_m = 0.05;
   scene.focus_normal_W = {0, 0, 1};
@@ -392,7 +392,8 @@ TEST(UltrasoundSlice, ofABodyShowsTheStructuresWhereTheFieldHasThem) {
           gel_dark += grey < 20;
           continue;
         }
-        const pb::Layer::Tissue tissue = scene.layers[static_cast<std::size_t>(at)].tissue;
+        const pb::Layer::Tissue tissue =
+            structureKind(scene.layers[static_cast<std::size_t>(at)].kind).tissue;
         if (shaded && tissue != pb::Layer::BONE) {
           ++behind_bone;
           behind_bone_dark += grey < 25;
