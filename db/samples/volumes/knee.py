@@ -191,6 +191,8 @@ def soft(v, p, k):
         v.capsule("quadriceps", at(-48, 0.6 * r, k.tendon - 1), at(8, r, k.tendon), 0.85 * flat, flat, blend=4 if i else 0)
     for i, r in enumerate((0, -5.5, 5.5, -11, 11)):
         v.capsule("quadriceps", at(8, r, k.tendon), at(BASE + 5 + 0.03 * r * r, r, k.tendon + 1), flat, 0.75 * flat, blend=3)
+    for r in (0, -5.5, 5.5, -11, 11):  # thin where the rectus begins
+        v.capsule("quadriceps", at(-62, 0.15 * r, k.tendon - 1.5), at(-48, 0.6 * r, k.tendon - 1), 0.2 * flat, 0.85 * flat)
     thin, low = 0.5 * p.patellar_tendon, BASE + p.patella_length
     spread = 0.5 * p.patellar_width - thin
     for i, r in enumerate((0, -0.5 * spread, 0.5 * spread, -spread, spread)):

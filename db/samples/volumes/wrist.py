@@ -199,6 +199,10 @@ def around(v, p):
     across = 0.5 * p.width - r
     for y in (0, -0.5 * across, 0.5 * across, -across, across):
         v.capsule("tunnel", (-20, y, top - r), (36 * s, y, top - r), r)
+    reach, s_end = top - r, 29 * s                       # the ligament over it, thin at its ends
+    for y in (0, -0.5 * across, 0.5 * across, -across, across):
+        v.tube("retinaculum", [(-2.6, y, reach, r), (1.9, y, reach, r + p.retinaculum), (s_end - 3, y, reach, r + p.retinaculum),
+                               (s_end + 1.5, y, reach, r)])
     v.half_space("palmar", (0, 0, top - 0.62 * p.depth), (0, 0, 1))
     v.half_space("levels", (0, 0, 0), (1, 0, 0))
 
@@ -237,7 +241,7 @@ def volume(p):
     v.rule("cartilage", "metacarpals", 0, 1.5, ("trapezium", 0, 1.5))
     v.rule("tunnel", "tunnel", None, 0)
     v.rule("skin", "skin", -p.skin, None)
-    v.rule("retinaculum", "tunnel", 0, p.retinaculum, ("palmar", 0, None), ("levels", 0, 29 * p.arch / 25.7))
+    v.rule("retinaculum", "retinaculum", None, 0, ("palmar", 0, None))
     v.rule("ligament", "tunnel", 0, 2, ("levels", -14, 33), ("palmar", None, 0))
     v.rule("ligament", "carpus", None, 0, ("palmar", None, 0))
     v.rule("fat", "skin", -p.skin - p.fat, None)
