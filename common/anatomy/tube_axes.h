@@ -18,7 +18,7 @@ struct TubePlace {
   double angle_rad = 0;
 };
 
-/// The axes of a group's tubes. Capsules of which each begins where the one before it ends are one tube.
+/// The axes of a group's tubes. Capsules in a row, each from the end of its predecessor, are one tube.
 /// Immutable; any number of threads may ask.
 class TubeAxes {
  public:

@@ -51,6 +51,12 @@ FieldPart partOf(const pb::Volume::Part& part) {
   return made;
 }
 
+FieldGroup groupOf(const pb::Volume::Group& group) {
+  FieldGroup made{group.id(), {}};
+  for (const auto& part : group.parts()) made.parts.push_back(partOf(part));
+  return made;
+}
+
 template <class Bounds>
 FieldRange rangeOf(const Bounds& bounds) {
   FieldRange range;
@@ -80,18 +86,13 @@ Status checkKind(const pb::Volume& volume, const pb::Volume::Structure& structur
 std::optional<TubeAxes> tubeAxesOf(const pb::Volume& volume, const pb::Volume::Structure& structure) {
   const auto rule = std::ranges::find(volume.rules(), structure.id(), &pb::Volume::Rule::structure);
   if (rule == volume.rules().end()) return std::nullopt;
-  for (const FieldGroup& group : fieldSpecOf(volume).groups)
-    if (group.id == rule->group()) return TubeAxes::of(group);
-  return std::nullopt;
+  const auto group = std::ranges::find(volume.groups(), rule->group(), &pb::Volume::Group::id);
+  return group == volume.groups().end() ? std::nullopt : TubeAxes::of(groupOf(*group));
 }
 
 FieldSpec fieldSpecOf(const pb::Volume& volume) {
   FieldSpec spec;
-  for (const auto& group : volume.groups()) {
-    FieldGroup& made = spec.groups.emplace_back();
-    made.id = group.id();
-    for (const auto& part : group.parts()) made.parts.push_back(partOf(part));
-  }
+  for (const auto& group : volume.groups()) spec.groups.push_back(groupOf(group));
   for (const auto& structure : volume.structures()) {
     FieldStructure& made = spec.structures.emplace_back();
     made.id = structure.id();
