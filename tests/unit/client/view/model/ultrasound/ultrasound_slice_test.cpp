@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/view/model/ultrasound/tissue_echoes.h"
 #include "common/profile/profile.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
@@ -368,6 +369,18 @@ SceneView patientView(const char* name) {
       loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "volumes" / (std::string(name) + ".json"));
   EXPECT_TRUE(profile.ok());
   return *sceneViewOf(*profile);
+}
+
+TEST(UltrasoundSlice, theUlnarNerveLooksLikeTheMedianOneThoughNoHazardNamesIt) {
+  const SceneView wrist = patientView("wrist-median");
+  const auto named = [&](const char* name) {
+    return *std::ranges::find(wrist.layers, name, &LayerView::name);
+  };
+  const LayerView ulnar = named("ulnar nerve"), median = named("median nerve");
+  EXPECT_EQ(ulnar.colour, median.colour);
+  EXPECT_EQ(echoOf(ulnar.kind).mean, echoOf(pb::Hazard::NERVE).mean);
+  EXPECT_GT(echoOf(ulnar.kind).mean, echoOf(named("radial artery").kind).mean + 0.3F);
+  EXPECT_TRUE(ulnar.tubes) << "its fibres run along it";
 }
 
 // The field itself says which structure is at a pixel; means over many pixels of it tell tissues apart.
