@@ -15,6 +15,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/profile/profile.h"
+#include "common/profile/structure_kinds.h"
 #include "common/profile/volume.h"
 
 namespace needlelab {
@@ -98,7 +99,7 @@ Status writeFiles(const AnatomyReport& report, const pb::Profile& profile, char 
   std::vector<double> tissues;
   for (const auto& structure : profile.volume().structures()) {
     names.push_back(structure.layer().has_name() ? structure.layer().name() : structure.id());
-    tissues.push_back(static_cast<double>(structure.layer().tissue()));
+    tissues.push_back(static_cast<double>(tissueOf(structure)));
   }
   return drawPlot("anatomy", folder / "anatomy.png",
                   {{"rows", (folder / "anatomy.csv").string()},

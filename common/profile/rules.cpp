@@ -22,6 +22,7 @@
 #include "common/profile/planned_line.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/strict_json.h"
+#include "common/profile/structure_kinds.h"
 #include "common/profile/volume.h"
 
 namespace needlelab {
@@ -185,7 +186,7 @@ Status checkLandmark(const pb::Profile& profile) {
     return fieldError(kPath, "needs a volume, and the profile has layers, which have no landmark");
   std::vector<std::string> bones;
   for (const auto& structure : profile.volume().structures())
-    if (structure.layer().tissue() == pb::Layer::BONE) bones.push_back(structure.id());
+    if (tissueOf(structure) == pb::Layer::BONE) bones.push_back(structure.id());
   if (std::ranges::find(bones, id) != bones.end()) return {};
   return fieldError(kPath,
                     fmt::format("{} is not a bone of the volume: {}", quotedText(id),
@@ -254,16 +255,28 @@ std::vector<Error> missingParts(const pb::Profile& profile) {
     if (!target.has_radius_m())
       faults.push_back(fieldError(fmt::format("targets[{}].radius_m", i), "is missing"));
   }
-  for (int i = 0; i < profile.hazards_size(); ++i)
-    if (!profile.hazards(i).has_structure() && !profile.hazards(i).has_radius_m())
+  for (int i = 0; i < profile.hazards_size(); ++i) {
+    if (profile.hazards(i).has_structure()) continue;
+    if (!profile.hazards(i).has_kind())
+      faults.push_back(fieldError(fmt::format("hazards[{}].kind", i), "is missing"));
+    if (!profile.hazards(i).has_radius_m())
       faults.push_back(fieldError(fmt::format("hazards[{}].radius_m", i), "is missing"));
+  }
+  for (int i = 0; i < profile.volume().structures_size(); ++i)
+    if (const auto& structure = profile.volume().structures(i);
+        !structure.has_kind() && !structure.layer().has_tissue())
+      faults.push_back(fieldError(fmt::format("volume.structures[{}].layer.tissue", i),
+                                  "is missing, and the structure has no kind"));
   if (profile.has_volume()) return faults;
   if (!profile.has_limb()) faults.push_back(fieldError("limb", "is missing"));
   if (profile.layers_size() == 0)
     faults.push_back(fieldError("layers", "is missing: give 1 to 32, from the skin inwards"));
-  for (int i = 0; i < profile.layers_size(); ++i)
+  for (int i = 0; i < profile.layers_size(); ++i) {
+    if (!profile.layers(i).has_tissue())
+      faults.push_back(fieldError(fmt::format("layers[{}].tissue", i), "is missing"));
     if (!profile.layers(i).has_thickness_m())
       faults.push_back(fieldError(fmt::format("layers[{}].thickness_m", i), "is missing"));
+  }
   return faults;
 }
 

@@ -18,6 +18,7 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/strict_json.h"
+#include "common/profile/structure_kinds.h"
 #include "common/profile/volume.h"
 #include "needlelab/options.pb.h"
 
@@ -49,7 +50,7 @@ Result<Limb> limbOf(const pb::Limb& limb) {
 
 }  // namespace
 
-LayerSpec layerOf(const pb::Layer& layer) {
+LayerSpec layerOf(const pb::Layer& layer, pb::Layer::Tissue tissue) {
   LayerSpec spec;
   spec.thickness_m = layer.thickness_m();
   spec.cutting_force_N = layer.cutting_force_n();
@@ -57,7 +58,7 @@ LayerSpec layerOf(const pb::Layer& layer) {
   spec.rejection_force_N = layer.rejection_force_n();
   spec.lateral_stiffness_N_per_m2 = layer.lateral_stiffness_n_per_m2();
   spec.friction_N_per_m = layer.friction_n_per_m();
-  spec.is_bone = layer.tissue() == pb::Layer::BONE;
+  spec.is_bone = tissue == pb::Layer::BONE;
   if (layer.has_wall_stiffness_n_per_m()) spec.wall_stiffness_N_per_m = layer.wall_stiffness_n_per_m();
   if (layer.has_puncture()) {
     spec.membrane = MembraneSpec{layer.puncture().linear_n_per_m(), layer.puncture().quadratic_n_per_m2(),
@@ -307,8 +308,9 @@ Result<SceneSpec> sceneSpecOf(const pb::Profile& profile, const Pose& X_WL) {
   spec.needle_length_m = profile.needle().length_m();
   spec.needle_diameter_m = needleOf(profile.needle()).outer_diameter_m;
   spec.limb = placed(limb, placement);
+  const std::vector<LayerKind> kinds = layerKinds(profile);
   for (const pb::Layer* layer : profileLayers(profile)) {
-    spec.layers.push_back(layerOf(*layer));
+    spec.layers.push_back(layerOf(*layer, kinds[spec.layers.size()].tissue));
     if (profile.has_volume()) spec.layers.back().thickness_m = kNominalThickness_m;
   }
   RETURN_IF_ERROR(readModel(profile, spec));

@@ -24,8 +24,8 @@ inline Vec3 vectorOf(const pb::Vector3& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-/// A layer's numbers; without thickness_m (a volume's structure) its thickness is 0.
-LayerSpec layerOf(const pb::Layer& layer);
+/// The numbers of a layer that is of `tissue`; without thickness_m (a volume's structure) its thickness is 0.
+LayerSpec layerOf(const pb::Layer& layer, pb::Layer::Tissue tissue);
 
 /// The scene for the engine, with the limb placed in W by `X_WL` (L: the frame of the profile's coordinates).
 /// A volume becomes a body, and its structures the layers, in their order and with a thickness that means

@@ -69,7 +69,8 @@ void measureSurface(const SceneView& scene, const char* what, StructureMask mask
 void measureSurfaces(const SceneView& scene) {
   StructureMask bones = 0;
   for (std::size_t i = 0; i < scene.layers.size(); ++i)
-    if (shapeOf(scene.layers[i]) == StructureShape::kBone) bones |= maskOf(static_cast<StructureIndex>(i));
+    if (structureKind(scene.layers[i].kind).shape == StructureShape::kBone)
+      bones |= maskOf(static_cast<StructureIndex>(i));
   std::printf(
       "| surface | cell mm | triangles | ms | vertices off mm p50, p99 | triangles' middles off mm p50, p99 |\n"
       "|---|---:|---:|---:|---:|---:|\n");

@@ -159,14 +159,14 @@ test('a hazard is a ball, a line, or in a body a structure', () => {
   );
 });
 
-test('the editor lists the structures with tissue, and what is aimed at or spared', () => {
+test('the editor lists the structures with their kinds, and what is aimed at or spared', () => {
   const f = formOf({ doc: lumbar, shape: kProfileShape, change: () => {}, problems: [] });
   const [, ...rows] = elementsOf(Structures({ f }))
     .filter((node) => node.type === 'tr')
     .map((row) => row.props.children.map((cell) => textOf(cell).trim()));
   assert.equal(rows.length, lumbar.volume.structures.length);
   assert.deepEqual(rows[7], ['Epidural space', 'Fat', 'target: epidural space']);
-  assert.deepEqual(rows[8], ['Dura and arachnoid', 'Other', 'hazard: dural sac']);
+  assert.deepEqual(rows[8], ['Dura and arachnoid', 'Dura', 'hazard: dural sac']);
   assert.deepEqual(rows[0], ['Skin', 'Skin', '']);
   assert.match(textOf(Structures({ f })), /db\/samples\/volumes/);
   // while its JSON is being typed

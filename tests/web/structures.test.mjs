@@ -1,23 +1,22 @@
 // Recordings in a body: what a sample's structure is called, its colour, and when the needle is in one.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 import { measuresOf } from '../../client/web/app/lib/measures.js';
 import { contactsOf } from '../../client/web/app/lib/recording.js';
 import {
-  kNameless,
-  kNameWords,
+  hazardKindOf,
   kTissues,
   layerColors,
   layerNames,
   profileLayers,
-  structureColor,
+  structureColors,
   tissueColor,
+  tissueOf,
 } from '../../client/web/app/lib/tissue.js';
+import { kKinds, kMuscleColors } from '../../client/web/app/profile/kinds.js';
 import { kTypes } from './mock/document_types.mjs';
 import { kVolumes, lumbar } from './support/volumes.mjs';
 
-const root = new URL('../../', import.meta.url);
 const indexOf = (profile, id) => profile.volume.structures.findIndex((s) => s.id === id);
 const kBody = {
   volume: {
@@ -29,20 +28,31 @@ const kBody = {
   },
 };
 
-test('structures have the colours of the windows, by the same words', () => {
-  const source = readFileSync(new URL('client/view/model/body_view.cpp', root), 'utf8');
-  const rows = [...source.matchAll(/\{"(\w+)", StructureShape::\w+, 0x([0-9A-F]{6})\}/g)];
-  assert.equal(rows.length, Number(/std::array<NameWord, (\d+)>/.exec(source)[1]), 'all rows are read');
-  assert.deepEqual(
-    kNameWords,
-    rows.map(([, word, colour]) => [word, `#${colour.toLowerCase()}`]),
-  );
-  assert.equal(kNameless, `#${/kNameless = rgbOf\(0x([0-9A-F]{6})\)/.exec(source)[1].toLowerCase()}`);
+test('a structure has the colour of its kind, whatever its name', () => {
   assert.deepEqual(kTissues, kTypes.enums['Layer.Tissue']);
-
-  assert.equal(structureColor({ tissue: 'OTHER', name: 'venous plexus' }), '#f2dc3c');
-  assert.equal(structureColor({ tissue: 'OTHER', name: 'carpal tunnel' }), kNameless);
-  assert.equal(structureColor({ tissue: 'BONE', name: 'bone beside a nerve' }), tissueColor('BONE'));
+  assert.deepEqual(
+    kKinds.map(({ name }) => name),
+    kTypes.enums['Volume.Structure.Kind'],
+  );
+  for (const { tissue, hazard } of kKinds) {
+    assert.ok(kTissues.includes(tissue), tissue);
+    assert.ok(kTypes.enums['Hazard.Kind'].includes(hazard), hazard);
+  }
+  const colorOf = (structure) => structureColors([structure])[0],
+    color = (kind) => kKinds.find(({ name }) => name === kind).color;
+  assert.equal(colorOf({ kind: 'NERVE', tissue: 'OTHER', name: 'fluid' }), color('NERVE'));
+  assert.equal(colorOf({ tissue: 'OTHER', name: 'ulnar nerve' }), color('OTHER'), 'without a kind: its tissue');
+  assert.equal(colorOf({ id: 'a', layer: { tissue: 'TENDON' } }), color('TENDON'));
+  assert.deepEqual(
+    structureColors(Array.from({ length: 6 }, () => ({ kind: 'MUSCLE' }))),
+    [...kMuscleColors, kMuscleColors[0]],
+    'muscles in turn',
+  );
+  const nerve = { volume: { structures: [{ id: 'n', kind: 'NERVE', layer: {} }] } };
+  assert.equal(hazardKindOf(nerve, { name: 'n', structure: 'n' }), 'NERVE');
+  assert.equal(hazardKindOf(nerve, { name: 'n', structure: 'n', kind: 'OTHER' }), 'OTHER');
+  assert.equal(hazardKindOf(kBody, { name: 'n', structure: 'ulna' }), 'BONE');
+  assert.equal(tissueOf({ kind: 'DISC', layer: {} }), 'CARTILAGE');
 });
 
 test('a sample of a body names the structure with its number', () => {
@@ -57,10 +67,7 @@ test('a sample of a body names the structure with its number', () => {
       profileLayers(profile),
       structures.map((s) => s.layer),
     );
-    assert.deepEqual(
-      layerColors(profile),
-      structures.map((s) => structureColor(s.layer)),
-    );
+    assert.deepEqual(layerColors(profile), structureColors(structures));
   }
   const kinds = [{ name: 'peak_force_layer_K_n', unit: 'N', words: 'Peak force in layer K' }];
   const flavum = measuresOf(kinds, layerNames(lumbar))[indexOf(lumbar, 'flavum')];

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string_view>
 #include <utility>
 
 #include "common/anatomy/field_body.h"
@@ -22,37 +21,6 @@ constexpr double kSheetCells = 0.55, kTubeCells = 0.7;           // candidateOf
 constexpr double kThinnest_m = 2e-3, kMostGrown_m = 0.5e-3;
 constexpr double kFirstCell_m = 1.2e-3;
 constexpr double kMinCell_m = 0.6e-3, kMaxPartCell_m = 2.2e-3, kMaxCell_m = 4.5e-3;
-
-struct NameWord {
-  std::string_view word;
-  StructureShape shape;
-  std::uint32_t colour;
-};
-constexpr std::array<NameWord, 14> kNameWords = {{
-    {"nerve", StructureShape::kLine, 0xF2DC3C},
-    {"plexus", StructureShape::kLine, 0xF2DC3C},
-    {"arter", StructureShape::kLine, 0xD0392B},
-    {"vein", StructureShape::kLine, 0x5A79CF},
-    {"vessel", StructureShape::kLine, 0xD0392B},
-    {"cauda", StructureShape::kLine, 0xF2DC3C},
-    {"fascia", StructureShape::kSoft, 0xD8CFC0},
-    {"retinaculum", StructureShape::kSoft, 0xD8CFC0},
-    {"dura", StructureShape::kSoft, 0xC9B7CE},
-    {"cerebrospinal", StructureShape::kSoft, 0xA9D3EA},
-    {"fluid", StructureShape::kSoft, 0xA9D3EA},
-    {"abdom", StructureShape::kSoft, 0xB98375},
-    {"viscera", StructureShape::kSoft, 0xB98375},
-    {"disc", StructureShape::kSolid, 0xB9CBB4},
-}};
-
-constexpr Rgb kNameless = rgbOf(0xBCA99C);
-
-const NameWord* wordOf(const LayerView& structure) {
-  if (structure.tissue != pb::Layer::OTHER) return nullptr;
-  for (const NameWord& one : kNameWords)
-    if (structure.name.find(one.word) != std::string::npos) return &one;
-  return nullptr;
-}
 
 /// Half of the middle one of the sides of a box around the body: half a limb's breadth.
 double halfBreadth_m(const Field& field) {
@@ -150,24 +118,6 @@ void frameBody(SceneView& view) {
   view.extent_m = std::clamp(std::max({0.9 * view.needle.length_m, 1.5 * deepest_m, body_m}), 0.01, 0.5);
 }
 
-StructureShape shapeOf(const LayerView& structure) {
-  if (const NameWord* const word = wordOf(structure)) return word->shape;
-  switch (structure.tissue) {
-    case pb::Layer::BONE:
-      return StructureShape::kBone;
-    case pb::Layer::TENDON:
-    case pb::Layer::BURSA:
-      return StructureShape::kSolid;
-    default:
-      return StructureShape::kSoft;
-  }
-}
-
-Rgb structureColour(const LayerView& structure) {
-  if (const NameWord* const word = wordOf(structure)) return rgbOf(word->colour);
-  return structure.tissue == pb::Layer::OTHER ? kNameless : tissueColour(structure.tissue);
-}
-
 std::size_t BodyMeshes::triangles() const {
   std::size_t indices = skin.triangles.size() + bones.triangles.size();
   for (const Part& part : parts) indices += part.mesh.triangles.size();
@@ -196,7 +146,7 @@ BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget) {
   std::vector<Candidate> solids, lines;
   for (std::size_t i = 0; i < scene.layers.size(); ++i) {
     const auto index = static_cast<StructureIndex>(i);
-    const StructureShape shape = shapeOf(scene.layers[i]);
+    const StructureShape shape = structureKind(scene.layers[i].kind).shape;
     if (shape == StructureShape::kBone) bones |= maskOf(index);
     if (shape == StructureShape::kSolid)
       solids.push_back(candidateOf(field, index, within, kSheetCells, kThinnest_m));
@@ -215,7 +165,7 @@ BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget) {
   // bursae, which are often aimed at, then those with few triangles
   std::sort(solids.begin(), solids.end(), [&](const Candidate& a, const Candidate& b) {
     const auto rank = [&](const Candidate& one) {
-      return std::pair{scene.layers[one.structure].tissue != pb::Layer::BURSA, one.triangles};
+      return std::pair{scene.layers[one.structure].kind != pb::Volume::Structure::BURSA, one.triangles};
     };
     return rank(a) < rank(b);
   });

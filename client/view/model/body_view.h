@@ -10,23 +10,13 @@
 #include "client/view/model/mesh.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/scene_view.h"
+#include "common/profile/structure_kinds.h"
 
 namespace needlelab {
 
 /// Sets focus and extent of a view of a body: the origin of L if the skin is there, otherwise the skin above
 /// the first target.
 void frameBody(SceneView& view);
-
-/// How a structure is drawn.
-enum class StructureShape : std::uint8_t {
-  kSoft,   ///< in the section only
-  kBone,   ///< as a surface, together with the other bones
-  kSolid,  ///< as a surface of its own: tendons, bursae
-  kLine,   ///< a nerve or a vessel: as a surface that stays visible
-};
-StructureShape shapeOf(const LayerView& structure);
-/// By tissue; nerves, arteries and veins, which no tissue stands for, by a word of their name.
-Rgb structureColour(const LayerView& structure);
 
 /// About how many triangles a body has. Solids that would need more are in the section only.
 struct BodyMeshBudget {

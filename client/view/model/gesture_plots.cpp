@@ -92,7 +92,7 @@ void addWays(Plot& plot, const GestureTrace& trace, const SceneView& scene) {
     for (const TissuesOnLine::Tissue& tissue : way.tissues) {
       const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
       add(isTarget(scene, tissue.layer) ? std::string() : layer.name, tissue.top_m, tissue.bottom_m,
-          tissueColour(layer.tissue), false);
+          layer.colour, false);
     }
     for (const TissuesOnLine::Aim& aim : way.targets)
       add(aim.name, aim.top_m, aim.bottom_m, kTargetColour, true);
@@ -113,7 +113,7 @@ void addDepth(Plot& plot, const GestureTrace& trace, const SceneView* scene, dou
     addWays(plot, trace, *scene);
   } else {
     for (const LayerView& layer : scene->layers)
-      plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, tissueColour(layer.tissue), layer.name});
+      plot.bands.push_back({layer.top_m * mm, layer.bottom_m * mm, layer.colour, layer.name});
     for (const TargetView& target : scene->targets) {
       plot.bands.push_back({target.top_m * mm, target.bottom_m * mm, kTargetColour, target.name});
       plot.bands.back().is_target = true;

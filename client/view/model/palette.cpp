@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "common/profile/structure_kinds.h"
+
 namespace needlelab {
 namespace {
 
@@ -28,27 +30,8 @@ double relativeLuminance(Rgb colour) {
          0.0722 * linearLight(static_cast<double>(colour.blue));
 }
 
-Rgb tissueColour(pb::Layer::Tissue tissue) {
-  switch (tissue) {
-    case pb::Layer::SKIN:
-      return rgbOf(0xE8B48C);
-    case pb::Layer::FAT:
-      return rgbOf(0xF3DC7E);
-    case pb::Layer::MUSCLE:
-      return rgbOf(0xB4503C);
-    case pb::Layer::BURSA:
-      return rgbOf(0x8CCBEA);
-    case pb::Layer::CAPSULE:
-      return rgbOf(0xC08FB4);
-    case pb::Layer::TENDON:
-      return rgbOf(0xEAE3CF);
-    case pb::Layer::CARTILAGE:
-      return rgbOf(0x7FB5A8);
-    case pb::Layer::BONE:
-      return rgbOf(0xF7F1E1);
-    default:
-      return rgbOf(0x8A93A6);
-  }
+Rgb kindColour(pb::Volume::Structure::Kind kind) {
+  return rgbOf(structureKind(kind).colour);
 }
 
 Rgb hazardColour(pb::Hazard::Kind kind) {

@@ -42,8 +42,9 @@ inline constexpr Rgb kOrange = rgbOf(0xE69F00), kSkyBlue = rgbOf(0x56B4E9), kBlu
 inline constexpr Rgb kWindowGrey = rgbOf(0x14171C), kPanelGrey = rgbOf(0x1D2128), kLineGrey = rgbOf(0x3A414C),
                      kDimText = rgbOf(0xA7B0BD), kText = rgbOf(0xF2F4F7);
 
-/// Colour of a layer in the section. Neighbours differ in lightness as well as hue.
-Rgb tissueColour(pb::Layer::Tissue tissue);
+/// Colour of a layer or structure in the section; a body's muscles have several (layerColours). Neighbours
+/// differ in lightness as well as hue.
+Rgb kindColour(pb::Volume::Structure::Kind kind);
 
 Rgb hazardColour(pb::Hazard::Kind kind);
 /// "bone", "nerve", "vessel", "structure".

@@ -14,6 +14,8 @@
 #include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/structure_kinds.h"
+#include "common/profile/volume.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/anatomy/structure_region.h"
 
@@ -29,16 +31,27 @@ constexpr int kRingCorners = 32;
 
 std::vector<LayerView> layersOf(const pb::Profile& profile) {
   const std::vector<std::string> names = layerNames(profile);
+  const std::vector<LayerKind> kinds = layerKinds(profile);
+  const std::vector<std::uint32_t> colours = layerColours(profile);
   std::vector<LayerView> views;
   double top_m = 0;
   for (const pb::Layer* layer : profileLayers(profile)) {
     LayerView view;
-    view.tissue = layer->tissue();
+    view.kind = kinds[views.size()].kind;
+    view.colour = rgbOf(colours[views.size()]);
     view.name = names[views.size()];
     view.top_m = top_m;
     view.bottom_m = top_m += layer->thickness_m();  // 0 in a volume
     view.cutting_N = layer->cutting_force_n();
     view.has_membrane = layer->has_puncture();
+    if (profile.has_volume()) {
+      const auto& structure = profile.volume().structures(static_cast<int>(views.size()));
+      if (structure.fibre().has_direction())
+        view.fibre_L = normalized(needlelab::vectorOf(structure.fibre().direction()));
+      if (structure.fibre().along_tube())
+        if (auto tubes = tubeAxesOf(profile.volume(), structure))
+          view.tubes = std::make_shared<const TubeAxes>(*std::move(tubes));
+    }
     views.push_back(std::move(view));
   }
   return views;
@@ -117,7 +130,8 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
   }
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i) {
     Region& region = anatomy.hazards[i];
-    view.hazards.push_back({std::move(region.name), profile.hazards(static_cast<int>(i)).kind(), region.a_W_m,
+    view.hazards.push_back({std::move(region.name),
+                            hazardKindOf(profile, profile.hazards(static_cast<int>(i))), region.a_W_m,
                             region.b_W_m, region.radius_m, region.structure});
   }
 

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "client/view/model/palette.h"
+#include "common/anatomy/tube_axes.h"
 #include "common/base/result.h"
 #include "common/haptics/needle_spec.h"
 #include "common/haptics/scene_spec.h"
@@ -23,13 +25,16 @@ class StructureRegion;
 struct NeedleLine;
 
 struct LayerView {
-  pb::Layer::Tissue tissue = pb::Layer::OTHER;
+  pb::Volume::Structure::Kind kind = pb::Volume::Structure::OTHER;
+  Rgb colour;
   std::string name;  ///< for people: "ligamentum flavum", "skin" (common/profile/layer_names.h)
   /// Depth δ below the surface, [top, bottom). In a volume 0 and 0: depth does not tell the structure.
   double top_m = 0;
   double bottom_m = 0;   ///< as drawn; in the engine the last layer has no end
   double cutting_N = 0;  ///< f_cut
   bool has_membrane = false;
+  std::shared_ptr<const TubeAxes> tubes = nullptr;  ///< its fibres run along them, in L
+  Vec3 fibre_L;                                     ///< its fibres run this way; 0 0 0: not known
 };
 
 struct TargetView {

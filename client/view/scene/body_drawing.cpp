@@ -99,8 +99,8 @@ void BodyDrawing::setScene(const SceneView& scene) {
     const LayerView& structure = scene.layers[part.structure];
     parts_.push_back(std::make_unique<Part>());
     parts_.back()->structure = part.structure;
-    parts_.back()->colour = structureColour(structure);
-    parts_.back()->line = shapeOf(structure) == StructureShape::kLine;
+    parts_.back()->colour = structure.colour;
+    parts_.back()->line = structureKind(structure.kind).shape == StructureShape::kLine;
     parts_.back()->mesh.upload(part.mesh);
   }
   const Mesh hand = handMesh(syringeMesh(scene.needle.length_m));

@@ -267,7 +267,7 @@ void SceneParts::drawSkin() {
   solid.use();
   solid.set("cut", open ? 1 : 0);
   glEnable(GL_CULL_FACE);  // its inside is never visible
-  put(skin, modelMatrix({}), mixed(tissueColour(scene->layers.front().tissue), kBlack, 0.06F), 1, 0.10F);
+  put(skin, modelMatrix({}), mixed(scene->layers.front().colour, kBlack, 0.06F), 1, 0.10F);
   glDisable(GL_CULL_FACE);
   solid.set("cut", 0);
 }
@@ -437,7 +437,7 @@ void SceneParts::drawArrows() {
 void SceneParts::drawFrontSkin() {
   glEnable(GL_CULL_FACE);
   solid.set("cut", -1);
-  put(skin, modelMatrix({}), tissueColour(scene->layers.front().tissue), 0.05F, 0, 0.30F);
+  put(skin, modelMatrix({}), scene->layers.front().colour, 0.05F, 0, 0.30F);
   solid.set("cut", 0);
   glDisable(GL_CULL_FACE);
 }

@@ -207,7 +207,7 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
   if (scene.body) {
     for (const BodySection::Name& name : renderer.cutNames()) {
       const LayerView& structure = scene.layers[name.structure];
-      const StructureShape shape = shapeOf(structure);
+      const StructureShape shape = structureKind(structure.kind).shape;
       const HazardView* const hazard = hazardAt(scene, name.place_W_m);
       if (!hazard && shape == StructureShape::kSoft) continue;
       if (isTarget(scene, name.structure)) continue;  // its mark has the name
@@ -218,14 +218,13 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
       // at the side that is nearer, so that leaders do not cross the picture
       (at->x > picture.corner_px.x + 0.5F * picture.size_px.x ? anatomy : layers)
           .push_back({*at, fittedText(hazard ? hazard->name : structure.name, kNameShare * picture.size_px.x),
-                      hazard ? hazardColour(hazard->kind) : structureColour(structure), 0});
+                      hazard ? hazardColour(hazard->kind) : structure.colour, 0});
     }
   } else if (frame.aids.has(pb::Exercise::TISSUES) && frame.cut_open) {
     for (const LayerView& layer : scene.layers) {
       const auto at = picture.at(layerAnchor(scene, layer, *picture.camera));
       if (at && picture.holds(*at))
-        layers.push_back(
-            {*at, fittedText(layer.name, kNameShare * picture.size_px.x), tissueColour(layer.tissue), 0});
+        layers.push_back({*at, fittedText(layer.name, kNameShare * picture.size_px.x), layer.colour, 0});
     }
   }
   if (frame.aids.has(pb::Exercise::ANATOMY)) {

@@ -28,8 +28,8 @@ RgbaImage tissueTable(const SceneView& scene, double deepest_m) {
     }
     for (int y = 0; y < kTableAlong; ++y) {
       const double along = (y + 0.5) / kTableAlong;
-      const Rgb base = tissueColour(layer.tissue);
-      const double light = (0.90 + tissuePattern(layer.tissue, depth_m, along)) * (1 - dark);
+      const Rgb base = layer.colour;
+      const double light = (0.90 + tissuePattern(layer.kind, depth_m, along)) * (1 - dark);
       const auto byte = [&](float share) {
         return static_cast<std::uint8_t>(std::clamp(static_cast<double>(share) * light, 0.0, 1.0) * 255 +
                                          0.5);

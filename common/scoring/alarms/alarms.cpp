@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "common/profile/structure_kinds.h"
 #include "common/scoring/anatomy/contacts.h"
 #include "common/scoring/measures/measure_table.h"
 
@@ -57,7 +58,7 @@ AlarmLimits alarmLimitsOf(const Anatomy& anatomy, const pb::Exercise* exercise) 
 GestureAlarms::GestureAlarms(const pb::Profile& profile, const Anatomy& anatomy, const AlarmLimits& limits)
     : anatomy_(anatomy), bones_(profile, anatomy), limits_(limits) {
   for (std::size_t h = 0; h < anatomy.hazards.size(); ++h) {
-    if (profile.hazards(static_cast<int>(h)).kind() == pb::Hazard::BONE) continue;  // kBone
+    if (hazardKindOf(profile, profile.hazards(static_cast<int>(h))) == pb::Hazard::BONE) continue;  // kBone
     hazards_.push_back(anatomy.hazards[h]);
     states_.push_back({Alarm::kHazard, anatomy.hazards[h].name});
   }

@@ -2,15 +2,15 @@
 
 #include <algorithm>
 
-#include "common/profile/layer_names.h"
+#include "common/profile/structure_kinds.h"
 
 namespace needlelab {
 
 BoneContacts::BoneContacts(const pb::Profile& profile, const Anatomy& anatomy) {
-  for (const pb::Layer* layer : profileLayers(profile))
-    is_bone_.push_back(layer->tissue() == pb::Layer::BONE);
+  for (const LayerKind& layer : layerKinds(profile)) is_bone_.push_back(layer.tissue == pb::Layer::BONE);
   for (std::size_t i = 0; i < anatomy.hazards.size(); ++i)
-    if (profile.hazards(static_cast<int>(i)).kind() == pb::Hazard::BONE) bones_.push_back(anatomy.hazards[i]);
+    if (hazardKindOf(profile, profile.hazards(static_cast<int>(i))) == pb::Hazard::BONE)
+      bones_.push_back(anatomy.hazards[i]);
 }
 
 bool BoneContacts::isIn(int layer, Vec3 tip_W_m) const {

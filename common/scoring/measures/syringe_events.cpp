@@ -16,6 +16,7 @@
 #include "common/haptics/scene_spec.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/structure_kinds.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/anatomy/needle_way.h"
 #include "common/scoring/measures/measure_table.h"
@@ -44,8 +45,8 @@ struct Surroundings {
 Surroundings surroundingsOf(const pb::Profile& profile, const Pose& X_WL) {
   Surroundings all{
       anatomyOf(profile, X_WL), {}, layerNames(profile), openingBehindTip_m(needleOf(profile.needle()))};
-  for (const pb::Layer* layer : profileLayers(profile))
-    all.tissues.push_back(pb::Layer::Tissue_Name(layer->tissue()));
+  for (const LayerKind& layer : layerKinds(profile))
+    all.tissues.push_back(pb::Layer::Tissue_Name(layer.tissue));
   return all;
 }
 

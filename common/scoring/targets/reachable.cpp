@@ -10,6 +10,7 @@
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
+#include "common/profile/structure_kinds.h"
 #include "common/scoring/anatomy/anatomy.h"
 #include "common/scoring/measures/measure_table.h"
 
@@ -28,7 +29,7 @@ double boneTowards_m(const pb::Profile& profile, const BodyLimb& body, Vec3 p_m)
   const LayerStack stack =
       body.body->layersAlong(skin, -normal, std::min(1.0, depth_m + kBehind_m), 0, AtBone::kEnds);
   for (std::size_t i = 0; i < stack.count; ++i)
-    if (profile.volume().structures(stack.layers[i].structure).layer().tissue() == pb::Layer::BONE)
+    if (tissueOf(profile.volume().structures(stack.layers[i].structure)) == pb::Layer::BONE)
       return stack.layers[i].top_m;
   return std::numeric_limits<double>::infinity();
 }

@@ -6,6 +6,7 @@ its stacks of layers with those of the engine's march.
 import math
 
 OUTSIDE = "outside"
+TUBE = "along its tube"  # of fibres
 FAR = 1e6
 
 
@@ -106,7 +107,7 @@ class Volume:
 
     def __init__(self, skin, rest):
         self.skin, self.rest = skin, rest
-        self.groups, self.structures, self.rules = {}, {}, []
+        self.groups, self.structures, self.facts, self.rules = {}, {}, {}, []
 
     def _part(self, group, part):
         self.groups.setdefault(group, []).append(part)
@@ -143,6 +144,18 @@ class Volume:
 
     def structure(self, id, name, layer):
         self.structures[id] = {"tissue": layer["tissue"], "name": name, **layer}
+
+    def describe(self, kinds, fibres, pulses):
+        """What the structures are, by id: a kind, where the tissue does not say it; which way fibres run, TUBE or a
+        direction; how far an artery's wall moves."""
+        assert {*kinds, *fibres, *pulses} <= {*self.structures}
+        for id, layer in self.structures.items():
+            self.facts[id] = {"kind": kinds.get(id, layer["tissue"])}
+            if id in fibres:
+                way = fibres[id]
+                self.facts[id]["fibre"] = {"along_tube": True} if way == TUBE else {"direction": direction(way)}
+            if id in pulses:
+                self.facts[id]["pulse_m"] = metres(pulses[id])
 
     def rule(self, structure, group, low=None, high=None, *clips):
         """Points whose distance from `group` is in [low, high), and from each clip's group in its own range, are of
@@ -218,7 +231,7 @@ class Volume:
             rules.append(rule)
         groups = [{"id": name, "parts": [{**part.json, **({"blend_m": metres(part.blend)} if part.blend else {})}
                                          for part in parts]} for name, parts in self.groups.items()]
-        structures = [{"id": id, "layer": layer} for id, layer in self.structures.items()]
+        structures = [{"id": id, "layer": layer, **self.facts[id]} for id, layer in self.structures.items()]
         return {"groups": groups, "structures": structures, "rules": rules, "skin": self.skin, "rest": self.rest}
 
 
@@ -250,6 +263,8 @@ def canonical(value, indent=0):
     """JSON as `profileJson` writes it: on one line what fits into one."""
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if value is True:
+        return "true"
     if isinstance(value, (int, float)):
         return number_text(value)
     if isinstance(value, dict):

@@ -6,7 +6,7 @@ from the femur's axis.
 """
 import math
 
-from field import Volume, scaled, to_ellipsoid
+from field import TUBE, Volume, scaled, to_ellipsoid
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
 PARAMETERS = [
@@ -53,6 +53,10 @@ NAMES = {"skin": "skin", "fat": "subcutaneous fat", "fascia": "fascia and retina
          "vastus": "vastus lateralis muscle", "muscle": "thigh and calf muscles", "capsule": "joint capsule",
          "recess": "suprapatellar recess", "quadriceps": "quadriceps tendon", "patellar-tendon": "patellar tendon",
          "ligament": "ligaments of the knee", "cartilage": "articular cartilage", "meniscus": "menisci"}
+# What the tissue does not say; fibres; pulses in mm: set by hand
+KINDS = {"fascia": "FASCIA", "recess": "FLUID", "ligament": "LIGAMENT", "nerve": "NERVE", "artery": "ARTERY", "vein": "VEIN"}
+FIBRES = {id: TUBE for id in ("vastus", "muscle", "quadriceps", "patellar-tendon", "ligament", "artery", "vein", "nerve")}
+PULSES = {"artery": 0.15}
 FORCES = {"slender": (0.75, 0.45), "median": (1, 0.48), "heavy": (1, 0.41)}  # of cutting, of friction
 
 
@@ -187,6 +191,8 @@ def soft(v, p, k):
         v.capsule("quadriceps", at(-48, 0.6 * r, k.tendon - 1), at(8, r, k.tendon), 0.85 * flat, flat, blend=4 if i else 0)
     for i, r in enumerate((0, -5.5, 5.5, -11, 11)):
         v.capsule("quadriceps", at(8, r, k.tendon), at(BASE + 5 + 0.03 * r * r, r, k.tendon + 1), flat, 0.75 * flat, blend=3)
+    for r in (0, -5.5, 5.5, -11, 11):  # thin where the rectus begins
+        v.capsule("quadriceps", at(-62, 0.15 * r, k.tendon - 1.5), at(-48, 0.6 * r, k.tendon - 1), 0.2 * flat, 0.85 * flat)
     thin, low = 0.5 * p.patellar_tendon, BASE + p.patella_length
     spread = 0.5 * p.patellar_width - thin
     for i, r in enumerate((0, -0.5 * spread, 0.5 * spread, -spread, spread)):
@@ -260,6 +266,7 @@ def volume(p):
     v.rule("fascia", "skin", -p.skin - p.fat - 1, None)
     v.rule("vastus", "vastus", None, 0)
     v.rule("muscle", "muscles", None, 0)
+    v.describe(KINDS, FIBRES, PULSES)
     return v
 
 

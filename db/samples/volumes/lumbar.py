@@ -4,7 +4,7 @@ Frame: x towards the feet, y to the patient's right, z out of the back; the need
 """
 import math
 
-from field import Volume
+from field import TUBE, Volume
 from tissues import BONE, CARTILAGE, NERVE, layer, softened
 
 PARAMETERS = [
@@ -48,6 +48,11 @@ NAMES = {"skin": "skin", "fat": "subcutaneous fat", "fascia": "thoracolumbar fas
          "supraspinous": "supraspinous ligament", "interspinous": "interspinous ligament", "flavum": "ligamentum flavum",
          "epidural": "epidural space", "dura": "dura and arachnoid", "csf": "cerebrospinal fluid",
          "disc": "intervertebral disc", "viscera": "retroperitoneal fat"}
+# What the tissue does not say; fibres, those between the spinous processes rising to the back: set by hand
+KINDS = {"fascia": "FASCIA", "supraspinous": "LIGAMENT", "interspinous": "LIGAMENT", "flavum": "LIGAMENT", "dura": "DURA", "csf": "FLUID",
+         "disc": "DISC", "viscera": "FAT", "roots": "NERVE"}
+FIBRES = {"muscle": (1, 0, 0), "multifidus": TUBE, "erector": TUBE, "psoas": TUBE, "roots": TUBE, "supraspinous": (1, 0, 0),
+          "interspinous": (-1, 0, 1), "flavum": (1, 0, 0)}
 FORCES = {"slender": (0.8, 0.8), "median": (1, 0.9), "heavy": (1, 0.85)}  # of cutting, of friction
 
 
@@ -249,6 +254,7 @@ def volume(p):
     for muscle in ("multifidus", "erector", "psoas"):
         v.rule(muscle, muscle, None, 0)
     v.rule("viscera", "front", 0, None, ("skin", None, -p.skin - p.fat - 14))
+    v.describe(KINDS, FIBRES, {})
     return v
 
 

@@ -5,7 +5,7 @@ Frame: x to the front, y towards the head, z out; the needle enters at the origi
 import math
 from types import SimpleNamespace
 
-from field import Volume, add, beside, cross, dot, norm, scaled, sub, unit
+from field import TUBE, Volume, add, beside, cross, dot, norm, scaled, sub, unit
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
 # name, value in mm of a slender, a median, a heavy body, source
@@ -42,6 +42,11 @@ LAYERS = {
 NAMES = {"skin": "skin", "fat": "subcutaneous fat", "fascia": "deltoid fascia", "deltoid": "deltoid muscle",
          "muscle": "muscle of arm and trunk", "bursa": "subacromial bursa", "cuff": "rotator cuff tendon",
          "ligament": "coracoacromial ligament"}
+# What the tissue does not say; fibres along the arm or, in the cuff, out to the tubercle; pulses in mm: set by hand
+KINDS = {"fascia": "FASCIA", "ligament": "LIGAMENT", "nerve": "NERVE", "artery": "ARTERY", "vein": "VEIN"}
+FIBRES = {"deltoid": TUBE, "muscle": (0, -1, 0), "cuff": (0, 0, 1), "ligament": TUBE, "belly": TUBE, "biceps": TUBE, "nerve": TUBE,
+          "artery": TUBE, "vein": TUBE}
+PULSES = {"artery": 0.15}
 FORCES = {"slender": (0.65, 0.65), "median": (1, 0.95), "heavy": (1.15, 0.95)}  # of cutting, of friction
 
 
@@ -240,6 +245,7 @@ def volume(p):
     v.rule("belly", "bellies", None, 0)
     v.rule("axilla", "axilla", None, 0)
     v.rule("deltoid", "deltoid", None, 0, ("outer", 0, None))
+    v.describe(KINDS, FIBRES, PULSES)
     return v
 
 

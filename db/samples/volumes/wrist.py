@@ -5,7 +5,7 @@ towards the fingers, at 45° to the skin.
 """
 import math
 
-from field import Volume
+from field import TUBE, Volume
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
 PARAMETERS = [
@@ -40,6 +40,12 @@ LAYERS = {
 }
 NAMES = {"skin": "skin", "fat": "subcutaneous fat", "retinaculum": "transverse carpal ligament", "tunnel": "carpal tunnel",
          "tendon": "flexor tendons", "muscle": "muscles of forearm and hand", "ligament": "carpal ligaments"}
+# What the tissue does not say; fibres; pulses in mm: set by hand
+KINDS = {"retinaculum": "LIGAMENT", "tunnel": "SYNOVIUM", "ligament": "LIGAMENT", "nerve": "NERVE", "ulnar-nerve": "NERVE",
+         "artery": "ARTERY", "radial-artery": "ARTERY"}
+FIBRES = {**{id: TUBE for id in ("tendon", "palmaris", "wrist-flexors", "extensors", "nerve", "ulnar-nerve", "artery", "radial-artery")},
+          "retinaculum": (0, 1, 0), "muscle": (1, 0, 0), "thenar": (1, 0, 0)}
+PULSES = {"artery": 0.03, "radial-artery": 0.03}
 FORCES = {"slender": (0.8, 1), "median": (1, 1.05), "heavy": (1.1, 1.1)}  # of cutting, of friction
 
 
@@ -193,6 +199,10 @@ def around(v, p):
     across = 0.5 * p.width - r
     for y in (0, -0.5 * across, 0.5 * across, -across, across):
         v.capsule("tunnel", (-20, y, top - r), (36 * s, y, top - r), r)
+    reach, s_end = top - r, 29 * s                       # the ligament over it, thin at its ends
+    for y in (0, -0.5 * across, 0.5 * across, -across, across):
+        v.tube("retinaculum", [(-2.6, y, reach, r), (1.9, y, reach, r + p.retinaculum), (s_end - 3, y, reach, r + p.retinaculum),
+                               (s_end + 1.5, y, reach, r)])
     v.half_space("palmar", (0, 0, top - 0.62 * p.depth), (0, 0, 1))
     v.half_space("levels", (0, 0, 0), (1, 0, 0))
 
@@ -231,12 +241,13 @@ def volume(p):
     v.rule("cartilage", "metacarpals", 0, 1.5, ("trapezium", 0, 1.5))
     v.rule("tunnel", "tunnel", None, 0)
     v.rule("skin", "skin", -p.skin, None)
-    v.rule("retinaculum", "tunnel", 0, p.retinaculum, ("palmar", 0, None), ("levels", 0, 29 * p.arch / 25.7))
+    v.rule("retinaculum", "retinaculum", None, 0, ("palmar", 0, None))
     v.rule("ligament", "tunnel", 0, 2, ("levels", -14, 33), ("palmar", None, 0))
     v.rule("ligament", "carpus", None, 0, ("palmar", None, 0))
     v.rule("fat", "skin", -p.skin - p.fat, None)
     v.rule("thenar", "thenar", None, 0)
     v.rule("wrist-fat", "levels", -14, 30)
+    v.describe(KINDS, FIBRES, PULSES)
     return v
 
 

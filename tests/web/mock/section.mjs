@@ -23,7 +23,11 @@ export function sectionOf(profile) {
     point_m: kPoint_m,
     columns: kColumns,
     rows: kRows,
-    structures: profile.volume.structures.map(({ id, layer }) => ({ name: layer.name ?? id, tissue: layer.tissue })),
+    structures: profile.volume.structures.map(({ id, kind, layer }) => ({
+      name: layer.name ?? id,
+      tissue: layer.tissue,
+      kind,
+    })),
     runs: Array.from({ length: kRows }, (_, row) => {
       const depth_m = height_m - kAbove_m - (row + 0.5) * kPoint_m;
       return [depth_m < 0 ? 0 : 1 + bottoms_m.findIndex((bottom_m) => depth_m < bottom_m), kColumns];

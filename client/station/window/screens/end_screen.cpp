@@ -131,7 +131,7 @@ void drawBands(ImDrawList* draw, const DepthAxes& axes, const TissuesOnLine& way
     const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
     if (tissue.top_m >= axes.range.to_m) break;
     const float left = axes.x(tissue.top_m), right = std::min(end, axes.x(tissue.bottom_m));
-    draw->AddRectFilled({left, axes.corner.y}, {right, bottom}, packed(tissueColour(layer.tissue), 0.35F));
+    draw->AddRectFilled({left, axes.corner.y}, {right, bottom}, packed(layer.colour, 0.35F));
     draw->AddLine({left, axes.corner.y}, {left, bottom}, packed(kLineGrey));
     if (isTarget(scene, tissue.layer)) continue;
     // moves names of thin layers to other rows

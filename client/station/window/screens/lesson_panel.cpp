@@ -87,7 +87,7 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   for (const TissuesOnLine::Tissue& tissue : way.tissues) {
     const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
     const float top = ladder.y(tissue.top_m), end = ladder.y(tissue.bottom_m);
-    const Rgb colour = names ? tissueColour(layer.tissue) : kLineGrey;
+    const Rgb colour = names ? layer.colour : kLineGrey;
     const bool here = names && at_m && tissue.holds(now.layer, *at_m);
     draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
     draw->AddLine({left, top}, {right, top}, packed(kBlack, 0.6F));

@@ -12,6 +12,7 @@ namespace needlelab {
 namespace {
 
 constexpr double kCortex_m = 1.8e-3;  // of a bone: dense and pale; within it spongy bone
+constexpr double kBetween_m = 7e-3;   // grain so far apart has nothing in common
 constexpr Rgb kSpongy = rgbOf(0xD9BE94);
 
 /// The visible rectangle of the plane, about the point at which the camera looks.
@@ -49,9 +50,10 @@ class Painter {
   Painter(const SceneView& scene, const FieldSection& section, const SectionFrame& frame_W)
       : scene_(scene), section_(section), frame_W_(frame_W) {
     point_m_ = norm(frame_W.across_m) / frame_W.width;
+    X_LW_ = inverse(scene.X_WL);
     for (const LayerView& layer : scene.layers) {
-      colours_.push_back(structureColour(layer));
-      grains_.push_back(&tissueGrain(layer.tissue));
+      colours_.push_back(layer.colour);
+      grains_.push_back(&tissueGrain(layer.kind));
     }
     cortex_ = std::max(2, static_cast<int>(std::lround(kCortex_m / point_m_)));
   }
@@ -60,7 +62,7 @@ class Painter {
     const int width = frame_W_.width, height = frame_W_.height;
     RgbaImage image{width, height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-    const Rgb skin = mixed(tissueColour(pb::Layer::SKIN), kBlack, 0.1F);
+    const Rgb skin = mixed(kindColour(pb::Volume::Structure::SKIN), kBlack, 0.1F);
     const double ball2_m2 = bodyBall_m(scene_) * bodyBall_m(scene_);
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
@@ -100,7 +102,7 @@ class Painter {
   [[nodiscard]] Rgb colourOf(StructureIndex here, int x, int y) const {
     const LayerView& layer = scene_.layers[here];
     Rgb colour = colours_[here];
-    if (layer.tissue == pb::Layer::BONE) {
+    if (layer.kind == pb::Volume::Structure::BONE) {
       const int far = cortex_, aslant = static_cast<int>(0.7 * cortex_);
       bool deep = true;
       for (const auto& [dx, dy] : {std::pair{far, 0},
@@ -114,13 +116,40 @@ class Painter {
         deep = deep && at(x + dx, y + dy) == here;
       if (deep) colour = kSpongy;
     }
-    float light = 0.93F + 0.8F * grains_[here]->at(y * point_m_, x * point_m_);
+    float light = 0.93F + 0.8F * grainAt(here, x, y);
     // a line where another structure begins
     int different = 0;
     for (const auto& [dx, dy] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}})
       if (const StructureIndex beside = at(x + dx, y + dy); beside != here && beside != kOutside) ++different;
     if (different > 0) light *= 0.72F;
     return {colour.red * light, colour.green * light, colour.blue * light};
+  }
+
+  /// Along the structure's fibres, if it has any. Across them the grain is the same in three directions, 60°
+  /// apart: lines where the picture lies along the fibres, bundles where it cuts them.
+  [[nodiscard]] float grainAt(StructureIndex here, int x, int y) const {
+    const LayerView& layer = scene_.layers[here];
+    const bool has_fibres = layer.tubes != nullptr || normSquared(layer.fibre_L) > 0;
+    if (!has_fibres) return grains_[here]->at(y * point_m_, x * point_m_);
+    const Vec3 p_L_m = X_LW_ * frame_W_.at(x + 0.5, y + 0.5);
+    double along_m = 0, across_m = 0, beside_m = 0;
+    if (layer.tubes != nullptr) {
+      const TubePlace place = layer.tubes->at(p_L_m);
+      along_m = place.along_m;
+      across_m = place.radial_m * std::cos(place.angle_rad);
+      beside_m = place.radial_m * std::sin(place.angle_rad);
+    } else {
+      const Vec3 way = layer.fibre_L;
+      const Vec3 across = normalized(cross(way, std::fabs(way.x) < 0.7 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
+      along_m = dot(way, p_L_m);
+      across_m = dot(across, p_L_m);
+      beside_m = dot(cross(way, across), p_L_m);
+    }
+    const TissueGrain& grain = *grains_[here];
+    const double half = 0.5 * across_m, slant = 0.8660254037844386 * beside_m;
+    return (grain.at(across_m, along_m) + grain.at(half + slant, along_m + kBetween_m) +
+            grain.at(half - slant, along_m + 2 * kBetween_m)) *
+           0.577F;  // as uneven as one of them: 1/√3
   }
 
   /// By how many rows a point has come down.
@@ -136,6 +165,7 @@ class Painter {
   const SectionFrame& frame_W_;
   double point_m_ = 0;
   int cortex_ = 2;
+  Pose X_LW_;
   std::vector<Rgb> colours_;
   std::vector<const TissueGrain*> grains_;
 };

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "common/profile/structure_kinds.h"
+
 namespace needlelab {
 namespace {
 
@@ -63,8 +65,8 @@ constexpr int kSide = 240;
 
 }  // namespace
 
-double tissuePattern(pb::Layer::Tissue tissue, double depth_m, double along) {
-  return patternOf(tissue, depth_m, along);
+double tissuePattern(pb::Volume::Structure::Kind kind, double depth_m, double along) {
+  return patternOf(structureKind(kind).tissue, depth_m, along);
 }
 
 TissueGrain::TissueGrain(pb::Layer::Tissue tissue) {
@@ -72,7 +74,7 @@ TissueGrain::TissueGrain(pb::Layer::Tissue tissue) {
   for (int y = 0; y < kSide; ++y)
     for (int x = 0; x < kSide; ++x)
       values_.push_back(
-          static_cast<float>(tissuePattern(tissue, (y + 0.5) / kSide * kGrainPeriod_m, (x + 0.5) / kSide)));
+          static_cast<float>(patternOf(tissue, (y + 0.5) / kSide * kGrainPeriod_m, (x + 0.5) / kSide)));
 }
 
 float TissueGrain::at(double depth_m, double along_m) const {
@@ -83,13 +85,13 @@ float TissueGrain::at(double depth_m, double along_m) const {
   return values_[static_cast<std::size_t>(y) * kSide + static_cast<std::size_t>(x)];
 }
 
-const TissueGrain& tissueGrain(pb::Layer::Tissue tissue) {
+const TissueGrain& tissueGrain(pb::Volume::Structure::Kind kind) {
   static const std::vector<TissueGrain> all = [] {
     std::vector<TissueGrain> made;
     for (int i = 0; i <= pb::Layer::Tissue_MAX; ++i) made.emplace_back(static_cast<pb::Layer::Tissue>(i));
     return made;
   }();
-  return all[static_cast<std::size_t>(std::clamp<int>(tissue, 0, pb::Layer::Tissue_MAX))];
+  return all[static_cast<std::size_t>(structureKind(kind).tissue)];
 }
 
 }  // namespace needlelab

@@ -11,7 +11,7 @@ inline constexpr double kGrainPeriod_m = 0.024;  ///< along the layers
 
 /// How much lighter or darker a point is, about -0.2 to 0.2. `along`: along the layers, 0 to 1 a period,
 /// seamless.
-double tissuePattern(pb::Layer::Tissue tissue, double depth_m, double along);
+double tissuePattern(pb::Volume::Structure::Kind kind, double depth_m, double along);
 
 /// The same as a table, without end: repeated along the layers, mirrored across them.
 class TissueGrain {
@@ -23,6 +23,6 @@ class TissueGrain {
   std::vector<float> values_;
 };
 /// Made once, when first asked for, in some 50 ms. Thread: any.
-const TissueGrain& tissueGrain(pb::Layer::Tissue tissue);
+const TissueGrain& tissueGrain(pb::Volume::Structure::Kind kind);
 
 }  // namespace needlelab

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/anatomy/field_body.h"
+#include "common/profile/structure_kinds.h"
 
 namespace needlelab {
 namespace {
@@ -16,43 +17,25 @@ struct Line {
   double wide_m = 0;
 };
 Line lineOf(const LayerView& layer) {
-  const bool bone = layer.tissue == pb::Layer::BONE;
+  const bool bone = layer.kind == pb::Volume::Structure::BONE;
   return {bone ? 0.75F : layer.has_membrane ? 0.5F : 0.3F, bone ? 0.0006 : 0.0003};
 }
 
 }  // namespace
 
-Echo echoOf(pb::Layer::Tissue tissue) {
-  switch (tissue) {
-    case pb::Layer::SKIN:
-      return {0.62F, 0.35F, false};
-    case pb::Layer::FAT:
-      return {0.26F, 0.5F, false};
-    case pb::Layer::MUSCLE:
-      return {0.34F, 0.75F, false};
-    case pb::Layer::BURSA:
-      return {0.08F, 0.25F, false};
-    case pb::Layer::CAPSULE:
-      return {0.55F, 0.45F, false};
-    case pb::Layer::TENDON:
-      return {0.58F, 0.6F, false};
-    case pb::Layer::CARTILAGE:
-      return {0.14F, 0.2F, false};
-    case pb::Layer::BONE:
-      return {0.3F, 0.3F, true};
-    default:
-      return {0.1F, 0.3F, false};  // mostly fluid
-  }
+Echo echoOf(pb::Volume::Structure::Kind kind) {
+  const StructureKind& row = structureKind(kind);
+  return {row.echo, row.grain, kind == pb::Volume::Structure::BONE};
 }
 
 Echo echoOf(pb::Hazard::Kind kind) {
   switch (kind) {
     case pb::Hazard::BONE:
-      return {0.3F, 0.3F, true};
+      return echoOf(pb::Volume::Structure::BONE);
     case pb::Hazard::NERVE:
-      return {0.5F, 0.9F, false};
+      return echoOf(pb::Volume::Structure::NERVE);
     case pb::Hazard::VESSEL:
-      return {0.04F, 0.15F, false};
+      return echoOf(pb::Volume::Structure::ARTERY);
     default:
       return {0.6F, 0.5F, false};
   }
@@ -63,7 +46,7 @@ EchoTable::EchoTable(const SceneView& scene, double deepest_m) {
   for (std::size_t i = 0; i < echoes_.size(); ++i) {
     const double depth_m = (static_cast<double>(i) + 0.5) * kDepthStep_m;
     echoes_[i].echo =
-        echoOf(scene.layers[static_cast<std::size_t>(std::max(0, layerAt(scene, depth_m)))].tissue);
+        echoOf(scene.layers[static_cast<std::size_t>(std::max(0, layerAt(scene, depth_m)))].kind);
   }
   for (const LayerView& layer : scene.layers) {
     const auto [strength, wide_m] = lineOf(layer);
@@ -90,10 +73,7 @@ BodyEchoes::BodyEchoes(const SceneView& scene, const SlicePlane& plane, const Gr
   const Pose X_LW = inverse(scene.X_WL);
   section_ = sectionOf(scene.body->field(), {X_LW * frame_W.corner_m, rotate(X_LW.q, frame_W.across_m),
                                              rotate(X_LW.q, frame_W.upward_m), width_, height_});
-  for (const LayerView& structure : scene.layers) echoes_.push_back(echoOf(structure.tissue));
-  for (const FieldSection::Place& place : section_.places)
-    if (const HazardView* hazard = hazardAt(scene, frame_W.at(place.x, place.y)))
-      echoes_[place.structure] = echoOf(hazard->kind);
+  for (const LayerView& structure : scene.layers) echoes_.push_back(echoOf(structure.kind));
   drawLines(scene, m_per_px);
 }
 

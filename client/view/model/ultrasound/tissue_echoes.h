@@ -11,12 +11,13 @@
 
 namespace needlelab {
 
-/// A tissue's echo: 0 black to 1 white, and its grain.
+/// A structure's echo: 0 black to 1 white, and its grain.
 struct Echo {
   float mean = 0.3F, grain = 0.5F;
   bool stops_sound = false;
 };
-Echo echoOf(pb::Layer::Tissue tissue);
+Echo echoOf(pb::Volume::Structure::Kind kind);
+/// Of a hazard that is a ball or a line.
 Echo echoOf(pb::Hazard::Kind kind);
 
 /// What a pixel shows of the tissue: its echo, and the line where a layer or structure begins.

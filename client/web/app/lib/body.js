@@ -1,6 +1,6 @@
 // A body: its structures, the targets and hazards that are structures, and its cut as the server sends it
 // (ProfileSection). Pure; metres.
-import { layerNames, structureColor } from './tissue.js';
+import { hazardKindOf, layerNames, structureColors } from './tissue.js';
 import { quantity, words } from './units.js';
 
 /** The ids and usual names of a profile's structures. @returns {[string, string][]} */
@@ -16,7 +16,8 @@ export const structureName = (profile, { structure }) =>
 /** "dural sac (Nerve; dura and arachnoid)": a target or hazard with its kind, and its structure if that differs. */
 export function regionWords(profile, region) {
   const structure = structureName(profile, region),
-    more = [region.kind && words(region.kind), structure !== region.name && structure].filter(Boolean);
+    kind = profile?.hazards?.includes(region) ? hazardKindOf(profile, region) : region.kind,
+    more = [kind && words(kind), structure !== region.name && structure].filter(Boolean);
   return `${region.name}${more.length > 0 ? ` (${more.join('; ')})` : ''}`;
 }
 
@@ -80,7 +81,8 @@ function* runsOf({ runs, rows, columns }) {
  * @returns {{index: number, name: string, color: string, path: string, at: {x: number, y: number}, points: number}[]} the largest first
  */
 export function areasOf(section) {
-  const areas = new Map();
+  const areas = new Map(),
+    colors = structureColors(section.structures);
   for (const { index, x, y, length } of runsOf(section)) {
     if (index < 0) continue;
     const area = areas.get(index) ?? { path: [], points: 0, longest: 0, at: { x: 0, y: 0 } };
@@ -94,8 +96,7 @@ export function areasOf(section) {
   }
   return [...areas]
     .map(([index, { path, points, at }]) => {
-      const structure = section.structures[index];
-      return { index, name: structure.name, color: structureColor(structure), path: path.join(''), at, points };
+      return { index, name: section.structures[index].name, color: colors[index], path: path.join(''), at, points };
     })
     .sort((a, b) => b.points - a.points);
 }

@@ -4,7 +4,7 @@ import { indexAt } from './decimate.js';
 import { kMeasures } from './measure_rows.js';
 import { add, axisOf, depthOf, frameOf, inFrame, placed } from './scene.js';
 import { clock } from './time.js';
-import { profileLayers } from './tissue.js';
+import { hazardKindOf, profileLayers, tissueOf } from './tissue.js';
 import { quantity } from './units.js';
 
 /** The columns of a reply of /samples by name, whether they are under `columns` or at the top. */
@@ -162,7 +162,7 @@ function beginnings(t_s, touches) {
 
 /** Hazards of bone, or all others: shapes, and the indices of those that are structures. */
 function hazardsOf(profile, of_bone) {
-  const hazards = (placed(profile).hazards ?? []).filter((h) => (h.kind === 'BONE') === of_bone);
+  const hazards = (placed(profile).hazards ?? []).filter((h) => (hazardKindOf(profile, h) === 'BONE') === of_bone);
   const ids = (profile.volume?.structures ?? []).map((s) => s.id);
   return {
     shapes: hazards.filter((h) => !h.structure),
@@ -174,11 +174,11 @@ function hazardsOf(profile, of_bone) {
 function inBone(columns, profile, placement) {
   const limb = intoLimb(placement),
     { shapes: bones, structures } = hazardsOf(profile, true),
-    layers = profileLayers(profile);
+    tissues = profile.volume ? profile.volume.structures.map(tissueOf) : profileLayers(profile).map((l) => l?.tissue);
   return (i) => {
     const layer = columns.layer?.[i];
     if (!(layer >= 0)) return false;
-    if (layers[layer]?.tissue === 'BONE' || structures.includes(layer)) return true;
+    if (tissues[layer] === 'BONE' || structures.includes(layer)) return true;
     const p = limb({ x: columns.px_m?.[i], y: columns.py_m?.[i], z: columns.pz_m?.[i] });
     return bones.some((h) => segmentDistance(p, h.a_m ?? h.center_m, h.b_m ?? h.center_m) <= h.radius_m);
   };

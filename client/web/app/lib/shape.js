@@ -37,7 +37,7 @@ export const kProfileShape = {
   bone: {},
   hub: {},
   ...sectionsOf('section'),
-  volume: { structures: [{ id: 'text', layer: { tissue: 'text', name: 'text' } }] },
+  volume: { structures: [{ id: 'text', kind: 'text', layer: { tissue: 'text', name: 'text' } }] },
   targets: [
     { name: 'text', center_m: kVector, radius_m: 'length', tissues: ['text'], anchor: kAnchor, structure: 'text' },
   ],

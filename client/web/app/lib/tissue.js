@@ -1,4 +1,5 @@
-// The colours and names of layers in the whole console. A name is always shown beside a colour.
+// The kinds, colours and names of layers in the whole console. A name is always shown beside a colour.
+import { kKinds, kMuscleColors } from '../profile/kinds.js';
 
 export const kTissues = ['SKIN', 'FAT', 'MUSCLE', 'BURSA', 'CAPSULE', 'TENDON', 'CARTILAGE', 'BONE', 'OTHER'];
 
@@ -16,31 +17,31 @@ const kColors = {
 
 export const tissueColor = (tissue) => kColors[tissue] ?? kColors.OTHER;
 
-/**
- * Colours of a body's structures that no tissue stands for, by the first word that is in their name; any other's. The
- * windows' table is in client/view/model/body_view.cpp; tests/web/structures.test.mjs compares.
- */
-export const kNameWords = [
-  ['nerve', '#f2dc3c'],
-  ['plexus', '#f2dc3c'],
-  ['arter', '#d0392b'],
-  ['vein', '#5a79cf'],
-  ['vessel', '#d0392b'],
-  ['cauda', '#f2dc3c'],
-  ['fascia', '#d8cfc0'],
-  ['retinaculum', '#d8cfc0'],
-  ['dura', '#c9b7ce'],
-  ['cerebrospinal', '#a9d3ea'],
-  ['fluid', '#a9d3ea'],
-  ['abdom', '#b98375'],
-  ['viscera', '#b98375'],
-  ['disc', '#b9cbb4'],
-];
-export const kNameless = '#bca99c';
+const kindNamed = (name) => kKinds.find((row) => row.name === name);
 
-/** @param {{tissue: string, name: string}} structure of a body, with its usual name */
-export const structureColor = ({ tissue, name }) =>
-  tissue === 'OTHER' ? (kNameWords.find(([word]) => name.includes(word))?.[1] ?? kNameless) : tissueColor(tissue);
+/**
+ * What a structure is, of a profile or as the server sends it, as in common/profile/structure_kinds.h: its kind; without
+ * one its tissue's.
+ * @returns {typeof kKinds[number]}
+ */
+export const kindOf = (structure) =>
+  kindNamed(structure?.kind) ?? kindNamed(structure?.layer?.tissue ?? structure?.tissue) ?? kKinds.at(-1);
+
+/** A structure's tissue; without one its kind's. */
+export const tissueOf = (structure) => structure?.layer?.tissue ?? kindOf(structure).tissue;
+
+/** A hazard's kind; without one that of its structure. */
+export const hazardKindOf = (profile, { kind, structure }) =>
+  kind ?? (structure && kindOf(list(profile?.volume?.structures).find((s) => s?.id === structure)).hazard);
+
+/** The colours of a body's structures, those of the windows. @returns {string[]} */
+export function structureColors(structures) {
+  let muscles = 0;
+  return structures.map((structure) => {
+    const { name, color } = kindOf(structure);
+    return name === 'MUSCLE' ? kMuscleColors[muscles++ % kMuscleColors.length] : color;
+  });
+}
 
 const list = (value) => (Array.isArray(value) ? value : []);
 const text = (value) => (typeof value === 'string' ? value : '');
@@ -54,12 +55,10 @@ export const profileLayers = (profile) =>
   profile?.volume ? list(profile.volume.structures).map((s) => s?.layer) : list(profile?.layers);
 
 /** The colours of what `layerNames` names. @returns {string[]} */
-export function layerColors(profile) {
-  const names = layerNames(profile);
-  return profileLayers(profile).map((layer, i) =>
-    profile.volume ? structureColor({ tissue: layer?.tissue, name: names[i] }) : tissueColor(layer?.tissue),
-  );
-}
+export const layerColors = (profile) =>
+  profile?.volume
+    ? structureColors(list(profile.volume.structures))
+    : profileLayers(profile).map((layer) => tissueColor(layer?.tissue));
 
 /**
  * The usual names of `profileLayers`, as in common/profile/layer_names.h (the cases of both:

@@ -2,7 +2,7 @@
 import { hazardAs, hazardForm, structuresOf, targetAs } from '../lib/body.js';
 import { toggled } from '../lib/paths.js';
 import { offsetUnder } from '../lib/scene.js';
-import { layerNames } from '../lib/tissue.js';
+import { hazardKindOf, layerNames } from '../lib/tissue.js';
 import { words } from '../lib/units.js';
 import { DangerButton, kOfTheForm } from '../ui/widgets.js';
 import { Broken, CheckField, SelectField } from '../ui/fields.js';
@@ -213,11 +213,12 @@ export function HazardFields({ f, i, hazard }) {
   return html`
     <div class="fields">
       ${f.text(`${path}.name`, 'Name', { required: true })}
-      ${f.select(
-        `${path}.kind`,
-        'Kind',
-        kHazards.map((k) => [k, words(k)]),
-      )}
+      ${f.select(`${path}.kind`, 'Kind', [
+        ...(form === 'structure'
+          ? [['', `That of its structure: ${words(hazardKindOf(f.doc, { ...hazard, kind: undefined }))}`]]
+          : []),
+        ...kHazards.map((k) => [k, words(k)]),
+      ])}
       <${SelectField}
         label="Form"
         value=${form}

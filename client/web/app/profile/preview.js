@@ -1,5 +1,5 @@
 // Force over depth as the engine will render it; the server computes it while the user types.
-import { kCurves, structureColor, tissueColor } from '../lib/tissue.js';
+import { kCurves, structureColors, tissueColor } from '../lib/tissue.js';
 import { atStart, number, quantity, words } from '../lib/units.js';
 import { previewProfile } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
@@ -40,11 +40,13 @@ export function ForceOverDepth({ preview, stale, error }) {
         width: 1.5,
       })),
     ];
+    const { structures } = preview.section ?? { structures: [] },
+      colors = structureColors(structures);
     const bands = (preview.layers ?? []).map((l) => ({
       from: l.from_m * 1000,
       to: l.to_m * 1000,
       label: atStart(l.name),
-      color: preview.section ? structureColor(l) : tissueColor(l.tissue),
+      color: preview.section ? colors[structures.findIndex((s) => s.name === l.name)] : tissueColor(l.tissue),
     }));
     const peak = preview.total_n.reduce((best, f, i) => (f > preview.total_n[best] ? i : best), 0);
     const greatest = `${quantity(preview.total_n[peak], 'N')} at ${quantity(preview.depth_m[peak], 'm')}`;

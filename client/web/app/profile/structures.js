@@ -1,7 +1,7 @@
 // The structures of a body: only shown.
 import { markOf } from '../lib/body.js';
-import { layerColors, layerNames, profileLayers } from '../lib/tissue.js';
-import { atStart, words } from '../lib/units.js';
+import { kindOf, layerColors, layerNames, profileLayers } from '../lib/tissue.js';
+import { atStart } from '../lib/units.js';
 import { Table } from '../ui/widgets.js';
 import { Broken } from '../ui/fields.js';
 import { html } from '../ui/html.js';
@@ -22,12 +22,12 @@ export function Structures({ f }) {
       import FILE”.
     </p>
     ${paths.map((path) => html`<${Broken} f=${f} path=${path} />`)}
-    <${Table} caption="Structures, in the file’s order" hide_caption head=${['Structure', 'Tissue', 'Target or hazard']}>${layerNames(
+    <${Table} caption="Structures, in the file’s order" hide_caption head=${['Structure', 'Kind', 'Target or hazard']}>${layerNames(
       f.doc,
     ).map(
       (name, i) => html`<tr key=${i}>
         <th scope="row"><${Swatch} color=${colors[i]} /> ${atStart(name)}</th>
-        <td>${words(layers[i]?.tissue ?? 'OTHER')}</td>
+        <td>${atStart(kindOf(f.doc.volume.structures[i]).words)}</td>
         <td>${mark(i)}</td>
       </tr>`,
     )}<//>

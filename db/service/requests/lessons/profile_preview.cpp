@@ -15,6 +15,7 @@
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/structure_kinds.h"
 #include "common/profile/warnings.h"
 #include "db/service/context/long_work.h"
 #include "db/service/requests/handlers.h"
@@ -98,13 +99,14 @@ std::vector<MetLayer> layersMet(const SceneSpec& spec, const PreviewEntry& entry
 void addLayers(const pb::Profile& profile, const std::vector<MetLayer>& met, pb::ProfilePreview& preview) {
   const std::vector<std::string> names = layerNames(profile);
   const std::vector<const pb::Layer*> layers = profileLayers(profile);
+  const std::vector<LayerKind> kinds = layerKinds(profile);
   double before_N = 0;
   for (const MetLayer& one : met) {
     const pb::Layer& layer = *layers[one.index];
     const double thickness_m = profile.has_volume() ? one.to_m - one.from_m : layer.thickness_m();
     auto* felt = preview.add_layers();
     felt->set_name(names[one.index]);
-    felt->set_tissue(pb::Layer::Tissue_Name(layer.tissue()));
+    felt->set_tissue(pb::Layer::Tissue_Name(kinds[one.index].tissue));
     felt->set_from_m(one.from_m);
     felt->set_to_m(one.to_m);
     felt->set_fidelity(fidelity(before_N, layer.cutting_force_n(),

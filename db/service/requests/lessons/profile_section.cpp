@@ -9,6 +9,7 @@
 #include "common/anatomy/inner_point.h"
 #include "common/haptics/surface.h"
 #include "common/profile/scene_of_profile.h"
+#include "common/profile/structure_kinds.h"
 #include "common/profile/volume.h"
 
 namespace needlelab::handlers {
@@ -74,7 +75,8 @@ Status addSection(const pb::Profile& profile, pb::ProfileSection& section,
   for (const pb::Volume::Structure& structure : profile.volume().structures()) {
     auto* const named = section.add_structures();
     named->set_name(structure.layer().has_name() ? structure.layer().name() : structure.id());
-    named->set_tissue(pb::Layer::Tissue_Name(structure.layer().tissue()));
+    named->set_tissue(pb::Layer::Tissue_Name(tissueOf(structure)));
+    named->set_kind(pb::Volume::Structure::Kind_Name(kindOf(structure)));
   }
   for (int y = 0; y < kSectionRows; ++y) {
     int from = 0;

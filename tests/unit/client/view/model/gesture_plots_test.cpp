@@ -29,10 +29,10 @@ SceneView flatScene() {
   SceneView scene;
   scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   scene.layers.resize(2);
-  scene.layers[0].tissue = pb::Layer::SKIN;
+  scene.layers[0].colour = kindColour(pb::Volume::Structure::SKIN);
   scene.layers[0].name = "skin";
   scene.layers[0].bottom_m = 0.002;
-  scene.layers[1].tissue = pb::Layer::MUSCLE;
+  scene.layers[1].colour = kindColour(pb::Volume::Structure::MUSCLE);
   scene.layers[1].name = "muscle";
   scene.layers[1].top_m = 0.002;
   scene.layers[1].bottom_m = 0.03;
@@ -191,7 +191,7 @@ TEST(GesturePlots, layersAndTheTargetAreBands) {
   ASSERT_EQ(plot.bands.size(), 3u);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(plot.bands[i].name, scene.layers[i].name);
-    EXPECT_EQ(plot.bands[i].colour, tissueColour(scene.layers[i].tissue));
+    EXPECT_EQ(plot.bands[i].colour, scene.layers[i].colour);
     EXPECT_DOUBLE_EQ(plot.bands[i].low, 1000 * scene.layers[i].top_m);
     EXPECT_DOUBLE_EQ(plot.bands[i].high, 1000 * scene.layers[i].bottom_m);
   }
@@ -243,7 +243,7 @@ TEST(GesturePlots, inABodyTheTissuesAreThoseThatTheEngineSteppedOn) {
                  mm = 1e3 * static_cast<double>(trace.value(TraceChannel::kDepth, t).value_or(-1));
     ASSERT_TRUE(std::ranges::any_of(plot.bands, [&](const PlotBand& band) {
       const LayerView& layer = scene.layers[static_cast<std::size_t>(sample.layer)];
-      return !band.is_target && band.colour == tissueColour(layer.tissue) && t >= band.from && t <= band.to &&
+      return !band.is_target && band.colour == layer.colour && t >= band.from && t <= band.to &&
              mm > band.low - 1 && mm < band.high + 1;
     })) << sample.tick;
   }

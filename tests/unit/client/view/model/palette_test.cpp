@@ -106,14 +106,15 @@ TEST(Palette, nothingIsConveyedByColourAlone) {
 }
 
 TEST(Palette, neighbouringTissuesOfTheSamplesDifferInLightness) {
-  const pb::Layer::Tissue pairs[][2] = {
-      {pb::Layer::SKIN, pb::Layer::FAT},         {pb::Layer::FAT, pb::Layer::MUSCLE},
-      {pb::Layer::MUSCLE, pb::Layer::BURSA},     {pb::Layer::BURSA, pb::Layer::TENDON},
-      {pb::Layer::TENDON, pb::Layer::CARTILAGE}, {pb::Layer::CARTILAGE, pb::Layer::BONE},
-      {pb::Layer::MUSCLE, pb::Layer::CAPSULE},   {pb::Layer::OTHER, pb::Layer::BONE}};
+  using Structure = pb::Volume::Structure;
+  const Structure::Kind pairs[][2] = {
+      {Structure::SKIN, Structure::FAT},         {Structure::FAT, Structure::MUSCLE},
+      {Structure::MUSCLE, Structure::BURSA},     {Structure::BURSA, Structure::TENDON},
+      {Structure::TENDON, Structure::CARTILAGE}, {Structure::CARTILAGE, Structure::BONE},
+      {Structure::MUSCLE, Structure::CAPSULE},   {Structure::OTHER, Structure::BONE}};
   for (const auto& pair : pairs)
-    EXPECT_GT(contrast(tissueColour(pair[0]), tissueColour(pair[1])), 1.25)
-        << pb::Layer::Tissue_Name(pair[0]) << " and " << pb::Layer::Tissue_Name(pair[1]);
+    EXPECT_GT(contrast(kindColour(pair[0]), kindColour(pair[1])), 1.25)
+        << Structure::Kind_Name(pair[0]) << " and " << Structure::Kind_Name(pair[1]);
 }
 
 }  // namespace

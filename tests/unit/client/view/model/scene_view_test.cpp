@@ -339,7 +339,7 @@ TEST(SceneView, ofAVolumeIsThatOfTheBallOfLayers) {
   ASSERT_EQ(found->layers.size(), 3U);
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(found->layers[i].name, like->layers[i].name);
-    EXPECT_EQ(found->layers[i].tissue, like->layers[i].tissue);
+    EXPECT_EQ(found->layers[i].kind, like->layers[i].kind);
     EXPECT_EQ(found->layers[i].cutting_N, like->layers[i].cutting_N);
   }
   const NeedleLine line = lineToTarget(*found);

@@ -82,13 +82,13 @@ TEST_F(BodyDrawingTest, theCutShowsEachStructureInItsColourWhereItsNameIs) {
   for (const BodySection::Name& name : renderer_->cutNames()) {
     const LayerView& structure = scene_->layers[name.structure];
     // bones before the cut are glass over what is behind; a bone's inside has a colour of its own
-    if (structure.tissue != pb::Layer::FAT && structure.tissue != pb::Layer::MUSCLE &&
-        structure.tissue != pb::Layer::BURSA)
+    if (structure.kind != pb::Volume::Structure::FAT && structure.kind != pb::Volume::Structure::MUSCLE &&
+        structure.kind != pb::Volume::Structure::BURSA)
       continue;
     const auto at = frame.camera.project(name.place_W_m, kWide, kHigh);
     ASSERT_TRUE(at);
     if (at->y_px > kHigh - 4) continue;
-    EXPECT_LT(hueErrorOf(picture, *at, structureColour(structure)), 0.12) << structure.name;
+    EXPECT_LT(hueErrorOf(picture, *at, structure.colour), 0.12) << structure.name;
     ++checked;
   }
   EXPECT_GE(checked, 3);
@@ -105,7 +105,7 @@ TEST_F(BodyDrawingTest, bonesShineThroughGlassAndAreHiddenByTheClosedSkin) {
   // where the humerus' head is, 45 mm below the skin
   const auto at = frame.camera.project(scene_->X_WL * Vec3{0, 0.026, -0.044}, kWide, kHigh);
   ASSERT_TRUE(at);
-  const Rgb skin = tissueColour(pb::Layer::SKIN), bone = tissueColour(pb::Layer::BONE);
+  const Rgb skin = kindColour(pb::Volume::Structure::SKIN), bone = kindColour(pb::Volume::Structure::BONE);
   EXPECT_LT(hueErrorOf(glass, *at, bone), hueErrorOf(glass, *at, skin));
   EXPECT_LT(hueErrorOf(closed, *at, skin), hueErrorOf(closed, *at, bone));
 }

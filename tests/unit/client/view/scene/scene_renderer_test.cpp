@@ -115,7 +115,7 @@ TEST_F(SceneRendererTest, theCutShowsEachLayerInItsTissuesColour) {
       const PicturePoint at = placeIn(frame, p);
       if (at.y_px > kHeight - 8) continue;
       ++checked;
-      EXPECT_LT(hueError(meanAround(picture, at.x_px, at.y_px, 1), tissueColour(layer.tissue)), 0.12)
+      EXPECT_LT(hueError(meanAround(picture, at.x_px, at.y_px, 1), layer.colour), 0.12)
           << name << ", " << layer.name;
     }
     EXPECT_GE(checked, 3) << name;

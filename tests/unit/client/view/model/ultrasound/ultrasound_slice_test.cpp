@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/view/model/ultrasound/tissue_echoes.h"
 #include "common/profile/profile.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
@@ -189,7 +190,7 @@ SceneView flatMuscle() {
   SceneView scene;
   scene.limb_W = PlaneLimb{{0, 0, 0}, {0, 0, 1}};
   scene.layers.resize(1);
-  scene.layers[0].tissue = pb::Layer::MUSCLE;
+  scene.layers[0].kind = pb::Volume::Structure::MUSCLE;
   scene.layers[0].bottom_m = 0.2;
   scene.needle.length_m = 0.05;
   scene.focus_normal_W = {0, 0, 1};
@@ -370,6 +371,18 @@ SceneView patientView(const char* name) {
   return *sceneViewOf(*profile);
 }
 
+TEST(UltrasoundSlice, theUlnarNerveLooksLikeTheMedianOneThoughNoHazardNamesIt) {
+  const SceneView wrist = patientView("wrist-median");
+  const auto named = [&](const char* name) {
+    return *std::ranges::find(wrist.layers, name, &LayerView::name);
+  };
+  const LayerView ulnar = named("ulnar nerve"), median = named("median nerve");
+  EXPECT_EQ(ulnar.colour, median.colour);
+  EXPECT_EQ(echoOf(ulnar.kind).mean, echoOf(pb::Hazard::NERVE).mean);
+  EXPECT_GT(echoOf(ulnar.kind).mean, echoOf(named("radial artery").kind).mean + 0.3F);
+  EXPECT_TRUE(ulnar.tubes) << "its fibres run along it";
+}
+
 // The field itself says which structure is at a pixel; means over many pixels of it tell tissues apart.
 TEST(UltrasoundSlice, ofABodyShowsTheStructuresWhereTheFieldHasThem) {
   std::map<pb::Layer::Tissue, std::pair<double, int>> light;
@@ -392,7 +405,8 @@ TEST(UltrasoundSlice, ofABodyShowsTheStructuresWhereTheFieldHasThem) {
           gel_dark += grey < 20;
           continue;
         }
-        const pb::Layer::Tissue tissue = scene.layers[static_cast<std::size_t>(at)].tissue;
+        const pb::Layer::Tissue tissue =
+            structureKind(scene.layers[static_cast<std::size_t>(at)].kind).tissue;
         if (shaded && tissue != pb::Layer::BONE) {
           ++behind_bone;
           behind_bone_dark += grey < 25;
