@@ -148,7 +148,8 @@ Field::Piece Field::Piece::within(Vec3 center_m, double radius_m) const noexcept
   std::array<bool, kMaxFieldRules + 1> stays;
   double least_later_m = kInfinity;
   for (std::size_t i = rule_count_; i-- > 0;) {
-    stays[i] = rules_[i].is_asked ? !(says_m[i] > nearest_m + apart_m) : !(says_m[i] < least_later_m - apart_m);
+    stays[i] =
+        rules_[i].is_asked ? !(says_m[i] > nearest_m + apart_m) : !(says_m[i] < least_later_m - apart_m);
     if (stays[i] && rules_[i].is_asked) least_later_m = std::min(least_later_m, says_m[i]);
   }
   GroupMask groups = left.skin_decides_ ? GroupMask{1} << field_->skin_ : 0;

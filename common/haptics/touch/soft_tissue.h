@@ -17,9 +17,9 @@ struct SoftTissue {
   /// Of a stretch and a cover, both in m, at least 0; the cover may be infinite.
   struct At {
     double energy_J = 0;
-    double force_N = 0;           ///< ∂W/∂s
-    double per_cover_N = 0;       ///< ∂W/∂T
-    double bend_N_per_m = 0;      ///< ∂²W/∂T²
+    double force_N = 0;       ///< ∂W/∂s
+    double per_cover_N = 0;   ///< ∂W/∂T
+    double bend_N_per_m = 0;  ///< ∂²W/∂T²
   };
   [[nodiscard]] At at(double stretch_m, double cover_m) const noexcept {
     const double s = stretch_m, T = cover_m;

@@ -28,9 +28,7 @@ class CappedTip {
   explicit CappedTip(const SceneModel& model, PathMaker* paths = nullptr) : engine_(model, paths) {
     engine_.wantCap(true);
   }
-  void at(Vec3 tip) {
-    engine_.step({tip, {1, 0, 0, 0}}, report_);
-  }
+  void at(Vec3 tip) { engine_.step({tip, {1, 0, 0, 0}}, report_); }
   void to(Vec3 tip, double speed_mps = 0.02) {
     const Vec3 from = tip_;
     const int ticks = std::max(1, static_cast<int>(norm(tip - from) / speed_mps * kLoop_hz));
@@ -109,7 +107,8 @@ std::pair<Place, Place> landmarkAndBeside(const Patient& patient) {
       *loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "volumes" / (patient.name + ".json"));
   const auto& structures = patient.field().structures();
   const auto landmark = static_cast<StructureIndex>(
-      std::ranges::find(structures, profile.palpation().landmark(), &FieldStructure::id) - structures.begin());
+      std::ranges::find(structures, profile.palpation().landmark(), &FieldStructure::id) -
+      structures.begin());
   // the place of the landmark that is nearest to the skin, roughly
   Place nearest, softest;
   nearest.cover_m = 1;
@@ -133,8 +132,7 @@ std::pair<Place, Place> landmarkAndBeside(const Patient& patient) {
       const Vec3 side = normalized(cross(out, std::fabs(out.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
       const bool near = std::abs(i) <= 4 && std::abs(j) <= 4;
       if (!near && (i % 4 != 0 || j % 4 != 0)) continue;
-      const Place place =
-          placeOn(patient, about + side * (0.002 * i) + cross(out, side) * (0.002 * j), 0.03);
+      const Place place = placeOn(patient, about + side * (0.002 * i) + cross(out, side) * (0.002 * j), 0.03);
       if (near && place.cover_m < nearest.cover_m) nearest = place;
       if (place.cover_m > softest.cover_m) softest = place;
     }
@@ -152,10 +150,11 @@ TEST(PalpationPatients, aLandmarkIsHarderThanTheSoftTissueBesideIt) {
                               soft = pressed(patient, beside, 0.012);
     const double most_N = landmark.cover_m <= 0.010 ? 2.0 : 2.5;
     const double ratio = steepest(over, most_N) / steepest(soft, forceAt(soft, 0.005));
-    std::printf("%-16s cover %4.1f mm: bone at %.2f N, up to %.1f N %.1f times as hard as beside it, where "
-                "5 mm take %.2f N\n",
-                patient.name.c_str(), 1e3 * landmark.cover_m, forceAt(over, landmark.cover_m), most_N, ratio,
-                forceAt(soft, 0.005));
+    std::printf(
+        "%-16s cover %4.1f mm: bone at %.2f N, up to %.1f N %.1f times as hard as beside it, where "
+        "5 mm take %.2f N\n",
+        patient.name.c_str(), 1e3 * landmark.cover_m, forceAt(over, landmark.cover_m), most_N, ratio,
+        forceAt(soft, 0.005));
     EXPECT_GE(forceAt(soft, 0.005), 0.5);
     if (landmark.cover_m > 0.016) continue;
     EXPECT_GE(ratio, 2);
@@ -189,8 +188,8 @@ TEST(PalpationPatients, aBallPressedIntoBoneStaysOutsideAndLoopsGiveNoEnergy) {
     Random random(11);
     for (int loop = 0; loop < loops; ++loop) {
       const double phase[] = {random.in(0, 6), random.in(0, 6), random.in(0, 6)};
-      const Place place = placeOn(
-          patient, landmark.at_m + Vec3{random.in(-0.01, 0.01), random.in(-0.01, 0.01), 0}, 0.001);
+      const Place place =
+          placeOn(patient, landmark.at_m + Vec3{random.in(-0.01, 0.01), random.in(-0.01, 0.01), 0}, 0.001);
       CappedTip tip(*model);
       Vec3 before, force_before;
       double given_J = 0, least_J = 0;
@@ -207,8 +206,8 @@ TEST(PalpationPatients, aBallPressedIntoBoneStaysOutsideAndLoopsGiveNoEnergy) {
         if (k % 8 != 0) continue;
         for (int i = 0; i < 40; ++i) {
           const double z = 1 - (2 * i + 1) / 40.0, r = std::sqrt(1 - z * z), turn = 2.399963 * i + k;
-          const Vec3 point = bone.p_proxy_W_m +
-                             Vec3{r * std::cos(turn), r * std::sin(turn), z} * (kBall_m - 1e-4);
+          const Vec3 point =
+              bone.p_proxy_W_m + Vec3{r * std::cos(turn), r * std::sin(turn), z} * (kBall_m - 1e-4);
           ASSERT_FALSE(patient.isBone(patient.field().at(point).structure)) << loop << ", tick " << k;
         }
       }
