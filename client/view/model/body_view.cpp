@@ -22,6 +22,7 @@ constexpr double kSheetCells = 0.55, kTubeCells = 0.7;           // candidateOf
 constexpr double kThinnest_m = 2e-3, kMostGrown_m = 0.5e-3;
 constexpr double kFirstCell_m = 1.2e-3;
 constexpr double kMinCell_m = 0.6e-3, kMaxPartCell_m = 2.2e-3, kMaxCell_m = 4.5e-3;
+constexpr double kFarCoarse_m = 12e-3, kMinFarCell_m = 2.5e-3, kMaxFarCell_m = 9e-3;
 
 struct NameWord {
   std::string_view word;
@@ -54,13 +55,12 @@ const NameWord* wordOf(const LayerView& structure) {
   return nullptr;
 }
 
-/// Half of the middle one of the sides of a box around the body: half a limb's breadth.
-double halfBreadth_m(const Field& field) {
-  const FieldBox box = field.boxAround(kWholeBody);
-  const Vec3 size_m = box.high_m - box.low_m;
-  std::array<double, 3> sides = {size_m.x, size_m.y, size_m.z};
-  std::sort(sides.begin(), sides.end());
-  return 0.5 * sides[1];
+/// Half of the way through the body, straight in from the skin at the focus: half a limb's breadth.
+double halfBreadth_m(const SceneView& view) {
+  double in_m = kAtOrigin_m;
+  for (double depth_m = in_m; depth_m > 0 && in_m < 2 * kWholeExtent_m; in_m += std::max(depth_m, 1e-3))
+    depth_m = depthAt(view, view.focus_W_m - view.focus_normal_W * in_m);
+  return 0.5 * in_m;
 }
 
 Vec3 outwardAt(const SceneView& scene, Vec3 p_W_m) {
@@ -132,6 +132,25 @@ Candidate candidateOf(const Field& field, StructureIndex structure, const FieldB
   return one;
 }
 
+/// The whole skin, without the triangles inside the ball, where the fine one is.
+Mesh farSkinOf(const SceneView& scene, std::size_t triangles) {
+  const Field& field = scene.body->field();
+  const double area_m2 = areaOf(surfaceNet(field, kWholeBody, {.cell_m = kFarCoarse_m}));
+  SurfaceMesh whole = surfaceNet(
+      field, kWholeBody, {.cell_m = std::clamp(cellFor_m(area_m2, triangles), kMinFarCell_m, kMaxFarCell_m)});
+  const Vec3 focus_L_m = inverse(scene.X_WL) * scene.focus_W_m;
+  const double ball_m = bodyBall_m(scene);
+  const auto isNear = [&](std::uint32_t vertex) {
+    return norm(whole.vertices[vertex].p_m - focus_L_m) < ball_m;
+  };
+  std::erase_if(whole.triangles, [&](const SurfaceMesh::Triangle& one) {
+    return isNear(one[0]) && isNear(one[1]) && isNear(one[2]);
+  });
+  Mesh mesh = meshOf(whole);
+  darkenHollows(mesh, field, kWholeBody);
+  return mesh;
+}
+
 double cellOf(double area_m2, std::size_t triangles) {
   return std::clamp(cellFor_m(area_m2, triangles), kMinCell_m, kMaxCell_m);
 }
@@ -146,7 +165,7 @@ void frameBody(SceneView& view) {
   double deepest_m = 0;
   for (const TargetView& target : view.targets)
     deepest_m = std::max(deepest_m, norm(target.center_W_m - view.focus_W_m));
-  const double body_m = std::clamp(0.9 * halfBreadth_m(view.body->field()), kLeastExtent_m, kWholeExtent_m);
+  const double body_m = std::clamp(halfBreadth_m(view), kLeastExtent_m, kWholeExtent_m);
   view.extent_m = std::clamp(std::max({0.9 * view.needle.length_m, 1.5 * deepest_m, body_m}), 0.01, 0.5);
 }
 
@@ -169,7 +188,7 @@ Rgb structureColour(const LayerView& structure) {
 }
 
 std::size_t BodyMeshes::triangles() const {
-  std::size_t indices = skin.triangles.size() + bones.triangles.size();
+  std::size_t indices = skin.triangles.size() + far_skin.triangles.size() + bones.triangles.size();
   for (const Part& part : parts) indices += part.mesh.triangles.size();
   return indices / 3;
 }
@@ -191,6 +210,7 @@ BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget) {
   };
   meshes.skin = net(kWholeBody, cellOf(areaOf(field, kWholeBody, within), budget.skin));
   darkenHollows(meshes.skin, field, kWholeBody);
+  meshes.far_skin = farSkinOf(scene, budget.far_skin);
 
   StructureMask bones = 0;
   std::vector<Candidate> solids, lines;

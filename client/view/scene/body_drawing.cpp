@@ -15,7 +15,7 @@ namespace {
 
 constexpr Rgb kSkin = rgbOf(0xDFB096), kBone = rgbOf(0xEFE6D0), kGlove = rgbOf(0xB4D3E6),
               kInside = rgbOf(0x8E3F33);
-constexpr int kFinePicture_px = 1280, kQuickPicture_px = 640;
+constexpr int kFinePicture_px = 1600, kQuickPicture_px = 640;
 
 // A shadow is darkest where the instrument touches the skin, and softer the farther it is away.
 constexpr double kShadowDark = 0.62, kPenumbra = 0.16, kFarthestShadow_m = 0.15;
@@ -23,7 +23,8 @@ constexpr double kHand_m = 0.022;  // the hand's shadow: half its width
 constexpr int kShadowRows = 30, kShadowColumns = 6;
 
 constexpr double kUnbounded_m = 100;
-constexpr double kSlab_m = 0.015;  // nerves and vessels this near before the cut are solid, others glass
+constexpr double kSeam_m = 0.3e-3;  // by which the far skin begins within the near one
+constexpr double kSlab_m = 0.015;   // nerves and vessels this near before the cut are solid, others glass
 
 void setView(const GlProgram& program, const ViewOfScene& view, const Matrix4& model, Vec3 ball_W_m = {},
              double ball_m = kUnbounded_m) {
@@ -93,6 +94,7 @@ void BodyDrawing::setScene(const SceneView& scene) {
   const BodyMeshes meshes = bodyMeshesOf(scene);
   body_ = modelMatrix(scene.X_WL);
   skin_mesh_.upload(meshes.skin);
+  far_skin_.upload(meshes.far_skin);
   bones_.upload(meshes.bones);
   parts_.clear();
   for (const BodyMeshes::Part& part : meshes.parts) {
@@ -127,9 +129,13 @@ void BodyDrawing::setScene(const SceneView& scene) {
   names_.clear();
 }
 
-void BodyDrawing::drawSkin(const GlProgram& program, const Rgb& colour, float opacity) const {
+/// `program` has its view, with the ball: the fine skin ends there, the coarse one goes on.
+void BodyDrawing::drawSkin(const GlProgram& program, const SceneView& scene, const Rgb& colour,
+                           float opacity) const {
   program.set("colour", colour, opacity);
   skin_mesh_.draw();
+  program.set("ball_W", scene.focus_W_m, kSeam_m - bodyBall_m(scene));
+  far_skin_.draw();
 }
 
 void BodyDrawing::drawStill(const SceneView& scene, const SceneFrame& frame, const ViewOfScene& view,
@@ -151,12 +157,12 @@ void BodyDrawing::drawStill(const SceneView& scene, const SceneFrame& frame, con
       skin.set("dimple_depth", static_cast<float>(dimple->depth_m));
       skin.set("dimple_sigma", static_cast<float>(dimple->sigma_m));
     }
-    drawSkin(skin, kSkin, 1);
+    drawSkin(skin, scene, kSkin, 1);
     // where the mesh ends, or before the cut's picture begins
     glCullFace(GL_FRONT);
     setView(inside_, view, body_, scene.focus_W_m, ball_m);
     if (cut) setCut(inside_, *cut, true);
-    drawSkin(inside_, kInside, 1);
+    drawSkin(inside_, scene, kInside, 1);
     glCullFace(GL_BACK);
   }
   if (cut) {
@@ -201,7 +207,7 @@ void BodyDrawing::drawStill(const SceneView& scene, const SceneFrame& frame, con
       setCut(ghost_, *cut, false);
     }
     ghost_.set("rim", cut ? 0.22F : 0.55F);
-    drawSkin(ghost_, kSkin, cut ? 0.03F : 0.22F);
+    drawSkin(ghost_, scene, kSkin, cut ? 0.03F : 0.22F);
     glDepthMask(GL_TRUE);
     glDisable(GL_BLEND);
   }
