@@ -228,9 +228,30 @@ def skins(v, p, k):
                 (0.5 * p.patella_length + 6, 0.5 * p.patella_breadth + 6, 12 + cover), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=5)
 
 
+def looks(v, p, k):
+    """Thigh, calf and foot: skin alone, so that one sees what it is. Nothing changes within 40 mm of entry, recess and patella."""
+    at, low, t = k.at, k.axis, p.thigh / 57
+    calf, ankle = k.joint + 112, k.joint + 395
+    v.tube("skin", [(*at(-112, 2, low + 4), p.thigh + 9), (*at(-340, 10, low), 1.5 * p.thigh)], blend=10)
+    v.tube("skin", [(*at(calf, 2, low - 4), p.thigh - 4), (*at(calf + 120, 0, low + 2), 38 * t), (*at(ankle - 60, 0, low + 4), 30 * t),
+                    (*at(ankle, 0, low + 2), 31 * t)], blend=14)
+    for r in (-17, 15):                                                                        # gastrocnemius
+        v.ellipsoid("skin", at(calf + 6, r * t, low - 26), (78, 32 * t, 34 * t), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=14)
+    v.ellipsoid("skin", at(k.joint + 58, 0, low + p.thigh - 20), (30, 15, 17), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=12)  # tuberosity
+    for r in (-30, 30):                                                                        # malleoli
+        v.ellipsoid("skin", at(ankle + (4 if r < 0 else 12), r * t, low + 2), (16, 11, 14), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=8)
+    v.capsule("skin", at(ankle, 0, low - 8), at(ankle + 38, 0, low - 26), 30, 31, blend=14)     # heel
+    for r, wide in ((-16, 1), (14, 0.9)):
+        v.tube("skin", [(*at(ankle + 22, 0.4 * r, low + 6), 32), (*at(ankle + 44, r, low + 80), 24 * wide),
+                        (*at(ankle + 54, 1.25 * r, low + 140), 17 * wide)], blend=16)
+    for i, (r, front, big) in enumerate(((-29, 192, 11.5), (-11, 194, 8), (3, 188, 7.5), (16, 180, 7), (29, 170, 7))):  # toes
+        v.capsule("skin", at(ankle + 58, 0.9 * r, low + 142), at(ankle + 61, r, low + front), 1.1 * big, big, blend=5)
+
+
 def volume(p):
     v, k = Volume("skin", "pad"), Knee(p)
     skins(v, p, k)
+    looks(v, p, k)
     bones(v, p, k)
     soft(v, p, k)
     share = FORCES[p.build]
