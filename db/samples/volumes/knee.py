@@ -236,8 +236,8 @@ def looks(v, p, k):
     v.tube("skin", [(*at(calf, 2, low - 4), p.thigh - 4), (*at(calf + 120, 0, low + 2), 38 * t), (*at(ankle - 60, 0, low + 4), 30 * t),
                     (*at(ankle, 0, low + 2), 31 * t)], blend=14)
     for r in (-17, 15):                                                                        # gastrocnemius
-        v.ellipsoid("skin", at(calf + 6, r * t, low - 26), (78, 32 * t, 34 * t), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=14)
-    v.ellipsoid("skin", at(k.joint + 58, 0, low + p.thigh - 20), (30, 15, 17), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=12)  # tuberosity
+        v.ellipsoid("skin", at(calf + 6, r * t, low - 26), (73, 32 * t, 34 * t), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=14)
+    v.ellipsoid("skin", at(k.joint + 66, 0, low + p.thigh - 20), (26, 15, 17), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=9)  # tuberosity
     for r in (-30, 30):                                                                        # malleoli
         v.ellipsoid("skin", at(ankle + (4 if r < 0 else 12), r * t, low + 2), (16, 11, 14), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=8)
     v.capsule("skin", at(ankle, 0, low - 8), at(ankle + 38, 0, low - 26), 30, 31, blend=14)     # heel
@@ -254,6 +254,7 @@ def volume(p):
     looks(v, p, k)
     bones(v, p, k)
     soft(v, p, k)
+    v.go_on(("artery", "vein", "nerve"), 0, k.at(-100, 0, 0)[0], -160)
     share = FORCES[p.build]
     for id, made in LAYERS.items():
         v.structure(id, NAMES[id], softened(made, share))

@@ -219,6 +219,8 @@ def volume(p):
     bones(v, p)
     tendons(v, p)
     vessels(v, p)
+    v.go_on(("radius", "ulna", "tendons", "palmaris", "wrist-flexors", "extensors", "nerve", "ulnar-nerve", "artery", "radial-artery"),
+            0, -78, -130)
     share = FORCES[p.build]
     for id, made in LAYERS.items():
         v.structure(id, NAMES[id], softened(made, share))
