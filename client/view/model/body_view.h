@@ -30,7 +30,7 @@ Rgb structureColour(const LayerView& structure);
 
 /// About how many triangles a body has. Solids that would need more are in the section only.
 struct BodyMeshBudget {
-  std::size_t skin = 14'000, far_skin = 12'000, bones = 30'000, solids = 34'000, lines = 8'000;
+  std::size_t skin = 14'000, far_skin = 9'000, bones = 30'000, solids = 34'000, lines = 8'000;
 };
 
 /// In L; all but `far_skin` near the focus. A normal's length, (0, 1], is how open the surface is to light

@@ -15,11 +15,12 @@ namespace {
 
 constexpr Rgb kSkin = rgbOf(0xDFB096), kBone = rgbOf(0xEFE6D0), kGlove = rgbOf(0xB4D3E6),
               kInside = rgbOf(0x8E3F33);
-constexpr int kFinePicture_px = 1600, kQuickPicture_px = 640;
+constexpr int kFinePicture_px = 1280, kQuickPicture_px = 640;
 
 // A shadow is darkest where the instrument touches the skin, and softer the farther it is away.
 constexpr double kShadowDark = 0.62, kPenumbra = 0.16, kFarthestShadow_m = 0.15;
-constexpr double kHand_m = 0.022;  // the hand's shadow: half its width
+constexpr double kHand_m = 0.022;     // the hand's shadow: half its width
+constexpr double kBehindHand = 0.85;  // cosine between the needle and the way from the eye
 constexpr int kShadowRows = 30, kShadowColumns = 6;
 
 constexpr double kUnbounded_m = 100;
@@ -225,8 +226,8 @@ void BodyDrawing::drawCut(const SceneView& scene, const SceneFrame& frame, const
   for (const Vec3 v :
        {plane.place_W_m, plane.to_viewer_W, camera.focus_W_m, dimple ? dimple->place_W_m : Vec3{}})
     key.insert(key.end(), {v.x, v.y, v.z});
-  key.insert(key.end(),
-             {camera.distance_m, camera.field_of_view_rad, view.width_per_height, dimple ? 1.0 : 0.0});
+  key.insert(key.end(), {camera.elevation_rad, camera.distance_m, camera.field_of_view_rad,
+                         view.width_per_height, dimple ? 1.0 : 0.0});
   if (key != cut.key) {
     BodySection made = bodySectionOf(scene, plane, camera, view.width_per_height,
                                      in_haste ? kQuickPicture_px : kFinePicture_px, dimple);
@@ -264,13 +265,22 @@ void BodyDrawing::drawHand(const ViewOfScene& view, const OrbitCamera& camera, c
   const auto [x, y, z] = handAxes(camera, moment);
   const Vec3 p = moment.p_WT_m;
   const auto f = [](double value) { return static_cast<float>(value); };
+  const Matrix4 model = {f(x.x), f(x.y), f(x.z), 0, f(y.x), f(y.y), f(y.z), 0,
+                         f(z.x), f(z.y), f(z.z), 0, f(p.x), f(p.y), f(p.z), 1};
+  // from behind the syringe it would hide the entry: glass
+  const bool behind = -dot(z, normalized(view.eye_W_m - p)) > kBehindHand;
+  const GlProgram& program = behind ? ghost_ : tissue_;
   glEnable(GL_CULL_FACE);
-  setView(tissue_, view,
-          {f(x.x), f(x.y), f(x.z), 0, f(y.x), f(y.y), f(y.z), 0, f(z.x), f(z.y), f(z.z), 0, f(p.x), f(p.y),
-           f(p.z), 1});
-  tissue_.set("shine", 0.12F);
-  tissue_.set("colour", kGlove, 1);
+  setView(program, view, model);
+  program.set("colour", kGlove, behind ? 0.12F : 1);
+  program.set(behind ? "rim" : "shine", behind ? 0.6F : 0.12F);
+  if (behind) {
+    glEnable(GL_BLEND);
+    glDepthMask(GL_FALSE);
+  }
   hand_.draw();
+  glDepthMask(GL_TRUE);
+  glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
 }
 

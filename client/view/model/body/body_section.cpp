@@ -12,22 +12,27 @@ namespace needlelab {
 namespace {
 
 constexpr double kCortex_m = 1.8e-3;  // of a bone: dense and pale; within it spongy bone
-constexpr double kBeside = 0.75;      // of the plane's height, that its width needs to be
+constexpr double kFarthest = 2;       // from the eye, in distances to the focus
 constexpr Rgb kSpongy = rgbOf(0xD9BE94);
 
-/// The visible rectangle of the plane, about the point at which the camera looks.
+/// The rectangle of the plane that the picture shows, as far as it is not much farther away than the focus.
 SectionFrame frameOf(const SceneView& scene, const PicturePlane& plane, const OrbitCamera& camera,
                      double width_per_height, int long_px) {
   const Vec3 n = plane.to_viewer_W;
   const Vec3 up = normalized(scene.focus_normal_W - n * dot(n, scene.focus_normal_W));
-  const Vec3 across = cross(up, n);
-  const double high_m = 1.7 * camera.distance_m * std::tan(camera.field_of_view_rad / 2);
-  // a plane seen at an angle shows more of itself
-  const double aslant = std::max(0.4, std::fabs(dot(up, camera.upward_W())));
-  const Vec3 middle = camera.focus_W_m - scene.focus_W_m;
-  const double wide_m = kBeside * high_m * width_per_height, tall_m = high_m / aslant;
-  const double left = dot(across, middle) - wide_m, right = left + 2 * wide_m;
-  const double low = dot(up, middle) - tall_m, top = low + 2 * tall_m;
+  const Vec3 across = cross(up, n), eye_W_m = camera.eye_W_m();
+  double left = 0, right = 0, low = 0, top = 0;
+  for (const double x : {0.0, width_per_height})
+    for (const double y : {0.0, 1.0}) {
+      const Vec3 ray_W = camera.ray_W(x, y, width_per_height, 1);
+      const double ahead_m = dot(n, plane.place_W_m - eye_W_m) / std::min(dot(n, ray_W), -1e-9);
+      const Vec3 at =
+          eye_W_m + ray_W * std::clamp(ahead_m, 0.0, kFarthest * camera.distance_m) - scene.focus_W_m;
+      left = std::min(left, dot(across, at));
+      right = std::max(right, dot(across, at));
+      low = std::min(low, dot(up, at));
+      top = std::max(top, dot(up, at));
+    }
   const Vec3 foot = scene.focus_W_m + n * dot(n, plane.place_W_m - scene.focus_W_m);
   const double point_m = std::max(right - left, top - low) / long_px;
   return {foot + across * left + up * low, across * (right - left), up * (top - low),
