@@ -241,11 +241,11 @@ def looks(v, p, k):
     for r in (-30, 30):                                                                        # malleoli
         v.ellipsoid("skin", at(ankle + (4 if r < 0 else 12), r * t, low + 2), (16, 11, 14), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=8)
     v.capsule("skin", at(ankle, 0, low - 8), at(ankle + 38, 0, low - 26), 30, 31, blend=14)     # heel
-    for r, wide in ((-16, 1), (14, 0.9)):
-        v.tube("skin", [(*at(ankle + 22, 0.4 * r, low + 6), 32), (*at(ankle + 44, r, low + 80), 24 * wide),
-                        (*at(ankle + 54, 1.25 * r, low + 140), 17 * wide)], blend=16)
-    for i, (r, front, big) in enumerate(((-29, 192, 11.5), (-11, 194, 8), (3, 188, 7.5), (16, 180, 7), (29, 170, 7))):  # toes
-        v.capsule("skin", at(ankle + 58, 0.9 * r, low + 142), at(ankle + 61, r, low + front), 1.1 * big, big, blend=5)
+    v.ellipsoid("skin", at(ankle + 84, 0, low + 62), (90, 43, 26), x_axis=(0.78, *scaled(k.way(0, 1), 0.62)[1:]),
+                y_axis=k.way(1, 0), blend=24)
+    for r, front, big in ((-27, 56, 13), (-6, 58, 9), (9, 52, 8.5), (23, 45, 8), (35, 37, 8)):  # toes
+        v.capsule("skin", at(ankle + 118, 0.85 * r, low + 98), at(ankle + 118 + 0.72 * front, 1.25 * r, low + 98 + 0.6 * front), 1.1 * big, big,
+                  blend=3)
 
 
 def volume(p):
