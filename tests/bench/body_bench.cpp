@@ -136,7 +136,8 @@ Status writePictures(Stage& stage, Surface& surface, const std::filesystem::path
   RETURN_IF_ERROR(save("glass"));
   stage.frame.aids.set(pb::Exercise::TISSUES, false);
   stage.frame.aids.set(pb::Exercise::ANATOMY, false);
-  stage.frame.camera.elevation_rad = 0.7;
+  stage.frame.camera = viewOfWhole(*stage.scene);
+  stage.frame.show_hand = false;
   RETURN_IF_ERROR(save("closed"));
   // the widget, with names
   stage.frame = Stage(stage.scene, stage.renderer).frame;

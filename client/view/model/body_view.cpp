@@ -19,16 +19,16 @@ constexpr double kLeastExtent_m = 0.04, kWholeExtent_m = 0.065;  // enough of th
 constexpr double kCoarse_m = 4e-3;                               // the cell of a first mesh, for its area
 constexpr double kSheetCells = 0.55, kTubeCells = 0.7;           // candidateOf
 constexpr double kThinnest_m = 2e-3, kMostGrown_m = 0.5e-3;
-constexpr double kFirstCell_m = 1.2e-3;
+constexpr double kFirstCell_m = 1.2e-3, kPiece_m = 0.04;  // of a structure: half of its first mesh's box
 constexpr double kMinCell_m = 0.6e-3, kMaxPartCell_m = 2.2e-3, kMaxCell_m = 4.5e-3;
+constexpr double kFarCoarse_m = 12e-3, kMinFarCell_m = 2.5e-3, kMaxFarCell_m = 9e-3;
 
-/// Half of the middle one of the sides of a box around the body: half a limb's breadth.
-double halfBreadth_m(const Field& field) {
-  const FieldBox box = field.boxAround(kWholeBody);
-  const Vec3 size_m = box.high_m - box.low_m;
-  std::array<double, 3> sides = {size_m.x, size_m.y, size_m.z};
-  std::sort(sides.begin(), sides.end());
-  return 0.5 * sides[1];
+/// Half of the way through the body, straight in from the skin at the focus: half a limb's breadth.
+double halfBreadth_m(const SceneView& view) {
+  double in_m = kAtOrigin_m;
+  for (double depth_m = in_m; depth_m > 0 && in_m < 2 * kWholeExtent_m; in_m += std::max(depth_m, 1e-3))
+    depth_m = depthAt(view, view.focus_W_m - view.focus_normal_W * in_m);
+  return 0.5 * in_m;
 }
 
 Vec3 outwardAt(const SceneView& scene, Vec3 p_W_m) {
@@ -73,7 +73,8 @@ void darkenHollows(Mesh& mesh, const Field& field, StructureMask mask) {
 }
 
 double areaOf(const Field& field, StructureMask mask, const FieldBox& within) {
-  return areaOf(surfaceNet(field, mask, {.cell_m = kCoarse_m, .within = within}));
+  const double cell_m = mask == kWholeBody ? kFarCoarse_m : kCoarse_m;
+  return areaOf(surfaceNet(field, mask, {.cell_m = cell_m, .within = within}));
 }
 
 /// A structure that may have a surface of its own, and what that takes.
@@ -86,18 +87,64 @@ struct Candidate {
 /// thinner one is thickened.
 Candidate candidateOf(const Field& field, StructureIndex structure, const FieldBox& within, double share,
                       double thinnest_m) {
-  const SurfaceMesh coarse = surfaceNet(field, maskOf(structure), {.cell_m = kFirstCell_m, .within = within});
-  double sixfold_m3 = 0;
-  for (const auto& [a, b, c] : coarse.triangles)
-    sixfold_m3 += dot(coarse.vertices[a].p_m, cross(coarse.vertices[b].p_m, coarse.vertices[c].p_m));
+  const StructureMask mask = maskOf(structure);
+  const FieldBox whole = common(field.boxAround(mask), within);
+  // a piece in the middle tells how thick it is, and by its length how much there is of it
+  const Vec3 size_m = whole.high_m - whole.low_m, middle_m = (whole.low_m + whole.high_m) * 0.5;
+  const double long_m = std::max({size_m.x, size_m.y, size_m.z}), half_m = std::min(kPiece_m, 0.5 * long_m);
+  const FieldBox piece =
+      common(whole, {middle_m - Vec3{half_m, half_m, half_m}, middle_m + Vec3{half_m, half_m, half_m}});
+  double pieces = 0.5 * long_m / half_m;
+  SurfaceMesh coarse = surfaceNet(field, mask, {.cell_m = kFirstCell_m, .within = piece});
+  if (coarse.triangles.empty()) {
+    coarse = surfaceNet(field, mask, {.cell_m = kFirstCell_m, .within = whole});
+    pieces = 1;
+  }
+  // Gauss, without the direction along which the piece is cut: its open ends add nothing
+  double twice_m3 = 0;
+  for (const auto& [a, b, c] : coarse.triangles) {
+    const Vec3 p = coarse.vertices[a].p_m, q = coarse.vertices[b].p_m, r = coarse.vertices[c].p_m;
+    const Vec3 at = (p + q + r) / 3 - middle_m;
+    twice_m3 += 0.5 * dot(cross(q - p, r - p), {size_m.x < long_m ? at.x : 0, size_m.y < long_m ? at.y : 0,
+                                                size_m.z < long_m ? at.z : 0});
+  }
   const double area_m2 = areaOf(coarse);
-  const double thick_m = area_m2 > 0 ? std::fabs(sixfold_m3) / 3 / area_m2 : 0;
+  const double thick_m = area_m2 > 0 ? std::fabs(twice_m3) / area_m2 : 0;
   Candidate one;
   one.structure = structure;
   one.grown_m = std::clamp(0.5 * (thinnest_m - thick_m), 0.0, kMostGrown_m);
   one.cell_m = std::clamp(share * (thick_m + 2 * one.grown_m), kMinCell_m, kMaxPartCell_m);
-  one.triangles = 3 * area_m2 / (one.cell_m * one.cell_m);
+  one.triangles = 3 * pieces * area_m2 / (one.cell_m * one.cell_m);
   return one;
+}
+
+/// The skin beyond the ball, in which the fine one is.
+Mesh farSkinOf(const SceneView& scene, std::size_t triangles) {
+  const Field& field = scene.body->field();
+  const FieldBox all = field.boxAround(kWholeBody);
+  const double cell_m = cellFor_m(areaOf(field, kWholeBody, all), triangles);
+  const SurfaceMesh whole = surfaceNet(
+      field, kWholeBody, {.cell_m = std::clamp(cell_m, kMinFarCell_m, kMaxFarCell_m), .within = all});
+  const Vec3 focus_L_m = inverse(scene.X_WL) * scene.focus_W_m;
+  const double ball_m = bodyBall_m(scene);
+  SurfaceMesh beyond;
+  std::vector<std::uint32_t> place(whole.vertices.size(), 0);  // in `beyond`, plus 1
+  for (SurfaceMesh::Triangle one : whole.triangles) {
+    if (std::ranges::all_of(
+            one, [&](std::uint32_t at) { return norm(whole.vertices[at].p_m - focus_L_m) < ball_m; }))
+      continue;
+    for (std::uint32_t& at : one) {
+      if (place[at] == 0) {
+        beyond.vertices.push_back(whole.vertices[at]);
+        place[at] = static_cast<std::uint32_t>(beyond.vertices.size());
+      }
+      at = place[at] - 1;
+    }
+    beyond.triangles.push_back(one);
+  }
+  Mesh mesh = meshOf(beyond);
+  darkenHollows(mesh, field, kWholeBody);
+  return mesh;
 }
 
 double cellOf(double area_m2, std::size_t triangles) {
@@ -114,18 +161,18 @@ void frameBody(SceneView& view) {
   double deepest_m = 0;
   for (const TargetView& target : view.targets)
     deepest_m = std::max(deepest_m, norm(target.center_W_m - view.focus_W_m));
-  const double body_m = std::clamp(0.9 * halfBreadth_m(view.body->field()), kLeastExtent_m, kWholeExtent_m);
+  const double body_m = std::clamp(halfBreadth_m(view), kLeastExtent_m, kWholeExtent_m);
   view.extent_m = std::clamp(std::max({0.9 * view.needle.length_m, 1.5 * deepest_m, body_m}), 0.01, 0.5);
 }
 
 std::size_t BodyMeshes::triangles() const {
-  std::size_t indices = skin.triangles.size() + bones.triangles.size();
+  std::size_t indices = skin.triangles.size() + far_skin.triangles.size() + bones.triangles.size();
   for (const Part& part : parts) indices += part.mesh.triangles.size();
   return indices / 3;
 }
 
 double bodyReach_m(const SceneView& scene) {
-  return std::clamp(2.4 * scene.extent_m, 0.12, 0.3);
+  return std::clamp(2.4 * scene.extent_m, 0.12, 0.16);
 }
 
 double bodyBall_m(const SceneView& scene) {
@@ -141,6 +188,7 @@ BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget) {
   };
   meshes.skin = net(kWholeBody, cellOf(areaOf(field, kWholeBody, within), budget.skin));
   darkenHollows(meshes.skin, field, kWholeBody);
+  meshes.far_skin = farSkinOf(scene, budget.far_skin);
 
   StructureMask bones = 0;
   std::vector<Candidate> solids, lines;

@@ -20,22 +20,24 @@ void frameBody(SceneView& view);
 
 /// About how many triangles a body has. Solids that would need more are in the section only.
 struct BodyMeshBudget {
-  std::size_t skin = 14'000, bones = 30'000, solids = 34'000, lines = 8'000;
+  std::size_t skin = 14'000, far_skin = 9'000, bones = 30'000, solids = 34'000, lines = 8'000;
 };
 
-/// In L, near the focus. A normal's length, (0, 1], is how open the surface is to light from all around.
+/// In L; all but `far_skin` near the focus. A normal's length, (0, 1], is how open the surface is to light
+/// from all around.
 struct BodyMeshes {
   struct Part {
     StructureIndex structure = kOutside;
     Mesh mesh;
   };
   Mesh skin, bones;
+  Mesh far_skin;            ///< coarse, where the body goes on beyond the ball; overlaps `skin` by a cell
   std::vector<Part> parts;  ///< solids and lines
   [[nodiscard]] std::size_t triangles() const;
 };
 /// `scene` has a body. Takes 0.1 to 0.3 s. Thread: any.
 BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget = {});
-/// Meshes and sections end this far from the focus, along the axes; a ball inside of that is drawn, with
+/// Meshes but the far skin end this far from the focus, along the axes; a ball inside of that is drawn, with
 /// clean ends.
 double bodyReach_m(const SceneView& scene);
 double bodyBall_m(const SceneView& scene);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/anatomy/field_body.h"
 #include "common/base/units.h"
 
 namespace needlelab {
@@ -11,6 +12,7 @@ namespace {
 
 constexpr double kMaxElevation_rad = radOf(85);
 constexpr double kNearest_m = 0.02, kFarthest_m = 2;
+constexpr double kWholeLengths = 1.05;  // how far away a whole body is seen from
 
 // Returns the unit vector perpendicular to the unit vector `up` that is nearest to `wanted`.
 Vec3 levelled(Vec3 wanted, Vec3 up) {
@@ -165,6 +167,25 @@ OrbitCamera viewFromSide(const SceneView& scene) {
   OrbitCamera camera = initialView(scene);
   camera.azimuth_rad = radOf(90);
   camera.elevation_rad = 0;
+  return camera;
+}
+
+OrbitCamera viewOfWhole(const SceneView& scene) {
+  OrbitCamera camera = initialView(scene);
+  if (!scene.body) return camera;
+  const FieldBox box = scene.body->field().boxAround(kWholeBody);
+  const Vec3 size_m = box.high_m - box.low_m, middle_W_m = scene.X_WL * ((box.low_m + box.high_m) * 0.5);
+  const double long_m = std::max({size_m.x, size_m.y, size_m.z});
+  const Vec3 along_L = size_m.x == long_m   ? Vec3{1, 0, 0}
+                       : size_m.y == long_m ? Vec3{0, 1, 0}
+                                            : Vec3{0, 0, 1};
+  // its length across the picture, seen from the side that is nearer to the user
+  const Vec3 across_W = cross(rotate(scene.X_WL.q, along_L), camera.up_W);
+  camera.front_W = levelled(across_W * (across_W.x + 0.5 * across_W.y < 0 ? -1.0 : 1.0), camera.up_W);
+  camera.focus_W_m = (scene.focus_W_m + middle_W_m) * 0.5;
+  camera.distance_m = std::clamp(kWholeLengths * long_m, camera.distance_m, kFarthest_m);
+  camera.azimuth_rad = radOf(20);
+  camera.elevation_rad = radOf(42);
   return camera;
 }
 

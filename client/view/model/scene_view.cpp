@@ -108,6 +108,14 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
     view.layers.back().bottom_m = std::max(view.layers.back().bottom_m, reach_m);
   view.needle = needleOf(profile.needle());
   view.max_force_N = spec.max_force_N;
+  const pb::Directions& names = profile.directions();
+  for (const auto& [way_L, words] : {std::pair{Vec3{1, 0, 0}, &names.plus_x()},
+                                     {Vec3{-1, 0, 0}, &names.minus_x()},
+                                     {Vec3{0, 1, 0}, &names.plus_y()},
+                                     {Vec3{0, -1, 0}, &names.minus_y()},
+                                     {Vec3{0, 0, 1}, &names.plus_z()},
+                                     {Vec3{0, 0, -1}, &names.minus_z()}})
+    if (!words->empty()) view.directions.push_back({rotate(view.X_WL.q, way_L), *words});
 
   // same region positions as for the score
   Anatomy anatomy = anatomyOf(profile, X_WL);

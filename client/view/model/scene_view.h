@@ -58,6 +58,12 @@ struct HazardView {
   std::shared_ptr<const StructureRegion> structure = nullptr;  ///< as in Region: the ball is inside of it
 };
 
+/// The profile's words for a direction, "towards the head".
+struct DirectionView {
+  Vec3 way_W;  ///< unit
+  std::string words;
+};
+
 /// Immutable after construction. Thread: any may read.
 struct SceneView {
   std::string profile_id, profile_name;
@@ -68,10 +74,11 @@ struct SceneView {
   std::vector<double> layer_end_m;  ///< as in Anatomy
   std::vector<TargetView> targets;
   std::vector<HazardView> hazards;
-  NeedleSpec needle;        ///< diameter 0 if unknown
-  double cap_radius_m = 0;  ///< of the needle's cap, with PALPATION; 0: it has none
-  std::string landmark;     ///< name of the bone to find by feel; empty: none
-  double max_force_N = 10;  ///< the profile's limit: scales force arrows
+  NeedleSpec needle;                      ///< diameter 0 if unknown
+  double cap_radius_m = 0;                ///< of the needle's cap, with PALPATION; 0: it has none
+  std::string landmark;                   ///< name of the bone to find by feel; empty: none
+  std::vector<DirectionView> directions;  ///< along the axes of L, those that the profile names
+  double max_force_N = 10;                ///< the profile's limit: scales force arrows
   Pose X_WL;
   /// The view's focus: the surface point above the first target, otherwise above the limb's middle; and the
   /// unit normal there, out of the tissue.

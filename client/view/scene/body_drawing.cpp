@@ -19,11 +19,13 @@ constexpr int kFinePicture_px = 1280, kQuickPicture_px = 640;
 
 // A shadow is darkest where the instrument touches the skin, and softer the farther it is away.
 constexpr double kShadowDark = 0.62, kPenumbra = 0.16, kFarthestShadow_m = 0.15;
-constexpr double kHand_m = 0.022;  // the hand's shadow: half its width
+constexpr double kHand_m = 0.022;     // the hand's shadow: half its width
+constexpr double kBehindHand = 0.85;  // cosine between the needle and the way from the eye
 constexpr int kShadowRows = 30, kShadowColumns = 6;
 
 constexpr double kUnbounded_m = 100;
-constexpr double kSlab_m = 0.015;  // nerves and vessels this near before the cut are solid, others glass
+constexpr double kSeam_m = 0.3e-3;  // by which the far skin begins within the near one
+constexpr double kSlab_m = 0.015;   // nerves and vessels this near before the cut are solid, others glass
 
 void setView(const GlProgram& program, const ViewOfScene& view, const Matrix4& model, Vec3 ball_W_m = {},
              double ball_m = kUnbounded_m) {
@@ -93,6 +95,7 @@ void BodyDrawing::setScene(const SceneView& scene) {
   const BodyMeshes meshes = bodyMeshesOf(scene);
   body_ = modelMatrix(scene.X_WL);
   skin_mesh_.upload(meshes.skin);
+  far_skin_.upload(meshes.far_skin);
   bones_.upload(meshes.bones);
   parts_.clear();
   for (const BodyMeshes::Part& part : meshes.parts) {
@@ -127,9 +130,13 @@ void BodyDrawing::setScene(const SceneView& scene) {
   names_.clear();
 }
 
-void BodyDrawing::drawSkin(const GlProgram& program, const Rgb& colour, float opacity) const {
+/// `program` has its view, with the ball: the fine skin ends there, the coarse one goes on.
+void BodyDrawing::drawSkin(const GlProgram& program, const SceneView& scene, const Rgb& colour,
+                           float opacity) const {
   program.set("colour", colour, opacity);
   skin_mesh_.draw();
+  program.set("ball_W", scene.focus_W_m, kSeam_m - bodyBall_m(scene));
+  far_skin_.draw();
 }
 
 void BodyDrawing::drawStill(const SceneView& scene, const SceneFrame& frame, const ViewOfScene& view,
@@ -151,12 +158,12 @@ void BodyDrawing::drawStill(const SceneView& scene, const SceneFrame& frame, con
       skin.set("dimple_depth", static_cast<float>(dimple->depth_m));
       skin.set("dimple_sigma", static_cast<float>(dimple->sigma_m));
     }
-    drawSkin(skin, kSkin, 1);
+    drawSkin(skin, scene, kSkin, 1);
     // where the mesh ends, or before the cut's picture begins
     glCullFace(GL_FRONT);
     setView(inside_, view, body_, scene.focus_W_m, ball_m);
     if (cut) setCut(inside_, *cut, true);
-    drawSkin(inside_, kInside, 1);
+    drawSkin(inside_, scene, kInside, 1);
     glCullFace(GL_BACK);
   }
   if (cut) {
@@ -201,7 +208,7 @@ void BodyDrawing::drawStill(const SceneView& scene, const SceneFrame& frame, con
       setCut(ghost_, *cut, false);
     }
     ghost_.set("rim", cut ? 0.22F : 0.55F);
-    drawSkin(ghost_, kSkin, cut ? 0.03F : 0.22F);
+    drawSkin(ghost_, scene, kSkin, cut ? 0.03F : 0.22F);
     glDepthMask(GL_TRUE);
     glDisable(GL_BLEND);
   }
@@ -219,8 +226,8 @@ void BodyDrawing::drawCut(const SceneView& scene, const SceneFrame& frame, const
   for (const Vec3 v :
        {plane.place_W_m, plane.to_viewer_W, camera.focus_W_m, dimple ? dimple->place_W_m : Vec3{}})
     key.insert(key.end(), {v.x, v.y, v.z});
-  key.insert(key.end(),
-             {camera.distance_m, camera.field_of_view_rad, view.width_per_height, dimple ? 1.0 : 0.0});
+  key.insert(key.end(), {camera.elevation_rad, camera.distance_m, camera.field_of_view_rad,
+                         view.width_per_height, dimple ? 1.0 : 0.0});
   if (key != cut.key) {
     BodySection made = bodySectionOf(scene, plane, camera, view.width_per_height,
                                      in_haste ? kQuickPicture_px : kFinePicture_px, dimple);
@@ -258,13 +265,22 @@ void BodyDrawing::drawHand(const ViewOfScene& view, const OrbitCamera& camera, c
   const auto [x, y, z] = handAxes(camera, moment);
   const Vec3 p = moment.p_WT_m;
   const auto f = [](double value) { return static_cast<float>(value); };
+  const Matrix4 model = {f(x.x), f(x.y), f(x.z), 0, f(y.x), f(y.y), f(y.z), 0,
+                         f(z.x), f(z.y), f(z.z), 0, f(p.x), f(p.y), f(p.z), 1};
+  // from behind the syringe it would hide the entry: glass
+  const bool behind = -dot(z, normalized(view.eye_W_m - p)) > kBehindHand;
+  const GlProgram& program = behind ? ghost_ : tissue_;
   glEnable(GL_CULL_FACE);
-  setView(tissue_, view,
-          {f(x.x), f(x.y), f(x.z), 0, f(y.x), f(y.y), f(y.z), 0, f(z.x), f(z.y), f(z.z), 0, f(p.x), f(p.y),
-           f(p.z), 1});
-  tissue_.set("shine", 0.12F);
-  tissue_.set("colour", kGlove, 1);
+  setView(program, view, model);
+  program.set("colour", kGlove, behind ? 0.12F : 1);
+  program.set(behind ? "rim" : "shine", behind ? 0.6F : 0.12F);
+  if (behind) {
+    glEnable(GL_BLEND);
+    glDepthMask(GL_FALSE);
+  }
   hand_.draw();
+  glDepthMask(GL_TRUE);
+  glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
 }
 

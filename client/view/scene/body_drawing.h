@@ -55,12 +55,12 @@ class BodyDrawing {
     SectionFrame frame_W;
     std::vector<BodySection::Name> names;
   };
-  void drawSkin(const GlProgram& program, const Rgb& colour, float opacity) const;
+  void drawSkin(const GlProgram& program, const SceneView& scene, const Rgb& colour, float opacity) const;
   void drawCut(const SceneView& scene, const SceneFrame& frame, const ViewOfScene& view,
                const PicturePlane& plane, bool in_haste);
 
   GlProgram skin_, dimpled_, tissue_, ghost_, inside_, section_, shadow_;
-  GlMesh skin_mesh_, bones_, hand_, square_, shadow_gl_;
+  GlMesh skin_mesh_, far_skin_, bones_, hand_, square_, shadow_gl_;
   Mesh shadow_mesh_;
   std::vector<std::unique_ptr<Part>> parts_;
   Cut fine_, quick_;

@@ -11,7 +11,7 @@ uniform mat4 view_projection;
 uniform mat4 model;
 uniform vec3 cut_place_W;
 uniform vec3 cut_normal_W;  // out of what is kept; zero: nothing is cut
-uniform vec4 ball_W;        // nothing outside of it is drawn: centre, radius
+uniform vec4 ball_W;        // nothing outside of it is drawn: centre, radius; below 0: nothing inside
 out vec3 p_W;
 out vec3 n_W;
 void main() {
@@ -19,7 +19,7 @@ void main() {
   p_W = world.xyz;
   n_W = mat3(model) * normal;
   gl_ClipDistance[0] = dot(cut_place_W - p_W, cut_normal_W);
-  gl_ClipDistance[1] = ball_W.w - distance(p_W, ball_W.xyz);
+  gl_ClipDistance[1] = sign(ball_W.w) * (abs(ball_W.w) - distance(p_W, ball_W.xyz));
   gl_Position = view_projection * world;
 })";
 
@@ -48,7 +48,7 @@ void main() {
   vec3 n = mat3(model) * normal;
   n_W = length(n) * normalize(normalize(n) - level * (down / (dimple_sigma * dimple_sigma)));
   gl_ClipDistance[0] = dot(cut_place_W - p_W, cut_normal_W);
-  gl_ClipDistance[1] = ball_W.w - distance(p_W, ball_W.xyz);
+  gl_ClipDistance[1] = sign(ball_W.w) * (abs(ball_W.w) - distance(p_W, ball_W.xyz));
   gl_Position = view_projection * world;
 })";
 

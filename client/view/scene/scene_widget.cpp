@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -242,9 +243,11 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
             {*at, hazardLabel(hazard, cut ? offPlane_m(hazard, plane) : 0), hazardColour(hazard.kind), 0});
     }
   }
-  drawColumn(list, layers, picture.corner_px.x + margin_px, true, from_px, bottom_px - 3.5F * margin_px);
+  const float words_px = scene.body ? 2 * ImGui::GetFontSize() : 0;  // drawDirections
+  drawColumn(list, layers, picture.corner_px.x + margin_px, true, from_px,
+             bottom_px - 3.5F * margin_px - words_px);
   drawColumn(list, anatomy, picture.corner_px.x + picture.size_px.x - margin_px, false, from_px,
-             bottom_px - std::max(margin_px, free_below_px));
+             bottom_px - std::max(margin_px, free_below_px) - words_px);
 }
 
 // Returns its height, from the picture's lower edge.
@@ -315,6 +318,39 @@ void drawScaleBar(ImDrawList& list, const PictureFrame& picture) {
   shadowedText(list, {at.x + length_px + 8, at.y - ImGui::GetFontSize() * 0.5F}, packed(kText, 0.9F), text);
 }
 
+/// Which way the patient lies: at each edge the profile's words for the direction that points there most.
+void drawDirections(ImDrawList& list, const PictureFrame& picture, const SceneView& scene,
+                    float free_below_px) {
+  constexpr double kTowards = 0.71;  // of its length: so a direction has one edge
+  WithFont font(Letters::kSmall);
+  const float row_px = ImGui::GetFontSize(), pad_px = space() * 1.2F;
+  const ImVec2 from = picture.corner_px, size = picture.size_px;
+  struct Edge {
+    Vec3 way_W;
+    const char* sign;
+    ImVec2 at;    // of the words' corner
+    float share;  // of the words' width that is left of it
+  };
+  const Vec3 right_W = picture.camera->right_W(), up_W = picture.camera->upward_W();
+  const float low_px = from.y + size.y - 1.5F * row_px;
+  const std::array<Edge, 4> edges = {
+      {{right_W, "▶ ", {from.x + size.x - pad_px, low_px - std::max(pad_px, free_below_px)}, 1},
+       {-right_W, "◀ ", {from.x + pad_px, low_px - 3 * pad_px}, 0},
+       {up_W, "▲ ", {from.x + 0.5F * size.x, from.y + 0.5F * pad_px}, 0.5F},
+       {-up_W, "▼ ", {from.x + 0.5F * size.x, low_px - 1.6F * row_px - space()}, 0.5F}}};
+  for (const Edge& edge : edges) {
+    const DirectionView* best = nullptr;
+    for (const DirectionView& one : scene.directions)
+      if (dot(one.way_W, edge.way_W) > (best != nullptr ? dot(best->way_W, edge.way_W) : kTowards))
+        best = &one;
+    if (best == nullptr) continue;
+    const std::string text = edge.sign + best->words;
+    const ImVec2 wide = sizeOfLabel(text), at{edge.at.x - edge.share * wide.x, edge.at.y};
+    list.AddRectFilled({at.x - 4, at.y - 1}, {at.x + wide.x + 4, at.y + wide.y + 1}, packed(kBlack, 0.5F), 4);
+    shadowedText(list, at, packed(kText), text);
+  }
+}
+
 bool moveCamera(OrbitCamera& camera, const SceneView& scene, ImVec2 size_px) {
   const ImGuiIO& io = ImGui::GetIO();
   const OrbitCamera before = camera;
@@ -383,6 +419,7 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   drawGuideLines(list, picture, *scene, frame);
   const float legend_px = options.legend ? drawLegend(list, picture, frame) : 0;
   if (options.labels) drawNames(list, picture, renderer, frame, legend_px);
+  if (options.labels && scene->body) drawDirections(list, picture, *scene, legend_px);
   if (options.labels) drawScaleBar(list, picture);
   if (switches) cutSwitch(id, picture, frame);
   if (frame.show_needle && frame.moment.approximate) {

@@ -142,6 +142,24 @@ class Volume:
         json = {"point_m": point(at), "normal": direction(normal)}
         self._part(group, Part({"half_space": json}, blend, plane=(at, unit(normal))))
 
+    def go_on(self, groups, axis, at, to):
+        """Tubes without blend, and capsules, that end at `at` along an axis go on to `to`, parallel to it: out of the picture."""
+        for group in groups:
+            for part in list(self.groups[group]):
+                tube = "tube" in part.json
+                for end, (a, b, r, other) in ((0, part.pieces[0]), (-1, part.pieces[-1])) if part.pieces else ():
+                    if end:
+                        a, r = b, other
+                    if abs(a[axis] - at) > 1e-9:
+                        continue
+                    far = (*a[:axis], to, *a[axis + 1:])
+                    if not tube:
+                        self.capsule(group, far, a, r)
+                    elif end or not part.blend:
+                        where = len(part.json["tube"]["points"]) if end else 0
+                        part.json["tube"]["points"].insert(where, {"at_m": point(far), "radius_m": metres(r)})
+                        part.pieces.insert(len(part.pieces) if end else 0, (a, far, r, r) if end else (far, a, r, r))
+
     def structure(self, id, name, layer):
         self.structures[id] = {"tissue": layer["tissue"], "name": name, **layer}
 

@@ -6,7 +6,7 @@ from the femur's axis.
 """
 import math
 
-from field import TUBE, Volume, scaled, to_ellipsoid
+from field import TUBE, Volume, beside, scaled, to_ellipsoid
 from tissues import BONE, CARTILAGE, NERVE, VESSEL, layer, softened
 
 PARAMETERS = [
@@ -26,6 +26,7 @@ PARAMETERS = [
     ("patella_breadth", (41, 44, 47), "set by hand"),
     ("patella_thickness", (22.8, 24.4, 26.1), "width to thickness 1.8 to 1: MRI of 43 patellae, 2018"),
     ("patella_cartilage", (3.8, 4.1, 4.1), "4.1 ± 1.3 mm: the same"),
+    ("femoral_cartilage", (2, 2.2, 2.2), "set by hand"),
     ("prefemoral", (5, 6, 8), "fat before the femur: set by hand"),
     ("thigh", (50, 57, 68), "radius above the patella: set by hand"),
     ("vastus", (7, 9, 9), "radius of the vastus lateralis' lowest part: set by hand"),
@@ -67,6 +68,7 @@ class Knee:
         self.recess = CORTEX + p.prefemoral + 0.5 * p.recess_depth
         self.tendon = self.recess + 0.5 * p.recess_depth + p.capsule + 0.3 + 0.5 * p.tendon
         front = self.tendon + 0.5 * p.tendon + p.fat + p.skin
+        self.patella = CORTEX + p.femoral_cartilage + p.patella_thickness + 0.6  # its front: the groove is as deep as the shaft's front
         self.axis = front - p.thigh                                # of the thigh's roundness
         self.depth = self.to_circle(0, self.axis, p.thigh)[1]      # from the recess's middle out to the skin
         self.entry = (self.depth * self.s, self.recess + self.depth * self.c)
@@ -126,12 +128,14 @@ def measures(p):
     """words, structures, a point, a direction, mm inside (or, with two lists, from the one to the other), tolerance."""
     k = Knee(p)
     back, middle = CORTEX + 7 - 0.5 * p.condyle_depth, BASE + 0.5 * p.patella_length
-    front = k.tendon + 0.5 * p.tendon
+    front = k.patella - 2
     return [("condyles, width", ["femur"], k.at(k.joint - 28, 0, back), k.way(1, 0), p.condyles, 2),
             ("condyle, depth", ["femur"], k.at(k.joint - 29, -0.5 * p.condyles + 16, back), k.way(0, 1), p.condyle_depth, 3),
             ("patella, length", ["patella"], k.at(middle, 0, front - 6), (1, 0, 0), p.patella_length, 3),
             ("patella, breadth", ["patella"], k.at(middle - 3, 0, front - 4), k.way(1, 0), p.patella_breadth, 3),
             ("patella, thickness", ["patella"], k.at(middle, -1, front - 6), k.way(0, 1), p.patella_thickness - p.patella_cartilage, 2),
+            ("cartilage between patella and femur", (["femur"], ["patella"]), k.at(BASE + 0.4 * p.patella_length, 0, CORTEX + 3),
+             k.way(0, 1), p.patella_cartilage + p.femoral_cartilage, 1),
             ("notch, width", (["femur"], ["femur"]), k.at(k.joint - 20, 0, back - 14), k.way(1, 0), p.notch, 4),
             ("quadriceps tendon", ["quadriceps"], k.at(-10, 0, k.tendon), k.way(0, 1), p.tendon, 0.6),
             ("recess, length", ["recess"], k.at(0, 0, k.recess), (1, 0, 0), p.recess_length, 0.1),
@@ -152,31 +156,34 @@ def bones(v, p, k):
         inner = (0.5 * p.notch + 8.5) * (1 if r > 0 else -1)  # the wall of the notch
         v.capsule("femur", at(j - 24, inner, back - 14), at(j - 16, inner, back + 6), 8.5, blend=3)
         # the lips of the trochlea, the outer one higher
-        lip = 3 if r > 0 else 1
-        v.capsule("femur", at(j - 44, 0.36 * r, CORTEX - 4 + lip), at(j - 26, 0.46 * r, CORTEX - 3 + lip), 6, 8, blend=8)
-        v.capsule("femur", at(j - 26, 0.46 * r, CORTEX - 3 + lip), at(j - 10, 0.55 * r, CORTEX - 10 + lip), 8, 8, blend=6)
+        lip = 1 if r > 0 else -1
+        v.capsule("femur", at(j - 44, 0.36 * r, CORTEX - 4 + lip), at(j - 26, 0.46 * r, CORTEX - 3 + lip), 6, 8, blend=4)
+        v.capsule("femur", at(j - 26, 0.46 * r, CORTEX - 3 + lip), at(j - 10, 0.55 * r, CORTEX - 10 + lip), 8, 8, blend=4)
     # tibia: cut flat at the top
     for r in (0.5 * side, -0.5 * side):
         v.capsule("tibia", at(j + 16, 1.75 * r, back + 3), at(j + 60, 0.35 * r, back + 4), thick + 2, 12, blend=10)
         v.ellipsoid("tibia", at(j + 12, 1.9 * r, back + 2), (14, thick + 2, 0.82 * deep), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=8)
-    v.capsule("tibia", at(j + 40, -1, back + 7), at(j + 120, -3, back + 8), 15, 12, blend=8)
+    v.capsule("tibia", at(j + 40, -1, back + 7), at(j + 120, -12, back + 17), 15, 12, blend=8)
     v.capsule("tibia", at(j + 34, 1, back + 21), at(j + 46, 1, back + 19), 7, blend=8)      # tuberosity
     v.half_space("sagittal", at(0, 0, 0), k.way(1, 0))
     v.half_space("joint-line", at(j, 0, 0), (1, 0, 0))
     for r in (5, -5):
         v.capsule("eminence", at(j - 1, r, back + 2), at(j + 8, 1.3 * r, back + 2), 2, 5, blend=3)
-    v.capsule("fibula", at(j + 16, side + 9, back - 12), at(j + 30, side + 7, back - 11), 8, 6)
-    v.capsule("fibula", at(j + 30, side + 7, back - 11), at(j + 120, side + 4, back - 8), 6, 5, blend=4)
+    # beside and behind the tibia, the joint's cartilage away
+    head, neck, shaft = (beside(v, "tibia", at(j + x, r, back + a), k.way(0.3, -1), radius + 1)
+                         for x, r, a, radius in ((17, side - 3, -12, 7.5), (34, side - 6, -11, 7), (120, side - 4, -6, 9)))
+    v.capsule("fibula", head, neck, 7.5, 5.5)
+    v.capsule("fibula", neck, shaft, 5.5, 5, blend=4)
     # patella: a shield with a ridge behind
-    ridge = k.tendon + 0.5 * p.tendon + 2 - (p.patella_thickness - p.patella_cartilage)
+    ridge = k.patella - (p.patella_thickness - p.patella_cartilage) + 0.6       # blending fills it
     middle, half = BASE + 0.5 * p.patella_length, 0.5 * p.patella_length
-    thick, y = 0.36 * (p.patella_thickness - p.patella_cartilage), k.tendon + 0.5 * p.tendon + 2
+    thick, y = 0.36 * (p.patella_thickness - p.patella_cartilage), k.patella
     v.ellipsoid("patella", at(middle - 3, 1, y - thick), (half - 3, 0.5 * p.patella_breadth, thick), x_axis=(1, 0, 0),
                 y_axis=k.way(1, 0))
     v.capsule("patella", at(middle + 2, 0, y - thick), at(middle + half - 4, 0, y - thick - 1), 7, 4, blend=6)          # apex
     v.capsule("patella", at(middle - 9, -1.5, ridge + 5), at(middle + 6, -1.5, ridge + 5), 5, blend=10)                 # ridge
-    v.capsule("patella", at(middle - half + 6, -7, y - thick - 1), at(middle - half + 6, 9, y - thick - 1), 5.5, blend=6)  # base
-    v.half_space("behind-patella", at(0, 0, y - thick), scaled(k.way(0, 1), 1))
+    v.capsule("patella", at(middle - half + 6.4, -7, y - thick - 1.6), at(middle - half + 6.4, 7, y - thick - 1.6), 5.3, blend=6)  # base
+    v.half_space("behind-patella", at(0, 0, y - thick - 1.5), scaled(k.way(0, 1), 1))
 
 
 def soft(v, p, k):
@@ -197,6 +204,12 @@ def soft(v, p, k):
     spread = 0.5 * p.patellar_width - thin
     for i, r in enumerate((0, -0.5 * spread, 0.5 * spread, -spread, spread)):
         v.capsule("patellar-tendon", at(low - 8, r, k.tendon + 1), at(j + 36, 0.8 * r, back + 27), thin, blend=4 if i else 0)
+    # the thigh's muscles fill its fascia, taper towards the knee and leave its fat pads; so does the calf
+    u = (p.thigh - p.skin - p.fat) / 48
+    v.capsule("muscles", at(-110, 4, k.axis + 22), at(-48, 4, 10), 36 * u, 26)                # vasti
+    v.capsule("muscles", at(-110, -22, k.axis - 10), at(-36, -24, -24), 31 * u, 20)          # adductors, semimembranosus
+    v.capsule("muscles", at(-110, 22, k.axis - 22), at(-36, 28, -32), 28 * u, 17)            # biceps
+    v.capsule("muscles", at(j + 46, 5, back - 16), at(j + 120, 2, back - 8), 22, 35 * u)    # soleus, tibialis
     # vastus medialis and intermedius, hamstrings, calf
     v.capsule("muscles", at(-100, -34, 10), at(14, -27, 22), 24, 9)
     v.capsule("muscles", at(-100, 0, 22), at(-34, 0, k.recess), 16, 5)
@@ -208,12 +221,12 @@ def soft(v, p, k):
     for end in (at(60, -31, -34), at(72, 34, -28)):
         v.capsule("muscles", at(-100, 0.7 * (1 if end[2] > at(60, 0, -34)[2] else -1) * 34, -42), end, 19, 7)
     for r in (-17, 17):
-        v.capsule("muscles", at(46, r, back - 34), at(j + 55, 1.1 * r, back - 32), 8, 17)
-        v.capsule("muscles", at(j + 55, 1.1 * r, back - 32), at(j + 120, r, back - 26), 17, 19)
-    v.capsule("muscles", at(j + 40, 24, back + 8), at(j + 120, 18, back + 14), 9, 14)
+        v.capsule("muscles", at(46, r, back - 34), at(j + 55, 1.1 * r, back - 30), 8, 18 * u)
+        v.capsule("muscles", at(j + 55, 1.1 * r, back - 30), at(j + 120, r, back - 22), 18 * u, 23 * u)
+    v.capsule("muscles", at(j + 40, 24, back + 8), at(j + 120, 16, back + 12), 9, 18 * u)
     for a, b, r0, r1 in ((at(j - 14, 8, back - 10), at(j + 4, -3, back + 8), 3.4, 3.4),            # anterior cruciate
                          (at(j - 14, -8, back + 6), at(j + 4, -1, back - 20), 4, 4),              # posterior
-                         (at(j - 30, side + 16.5, back), at(j + 14, side + 9, back - 8), 2, 2),   # lateral collateral
+                         (at(j - 30, side + 16.5, back), at(j + 14, side + 9, back - 12), 2, 2),   # lateral collateral
                          (at(j - 30, -side - 17, back), at(j + 52, -side - 2, back + 8), 1.7, 1.7)):
         v.capsule("ligament", a, b, r0, r1)
     v.tube("artery", [(*at(-100, -12, -26), 3.4), (*at(-20, -2, -34), 3.2), (*at(j - 10, 1, back - 36), 3),
@@ -228,17 +241,39 @@ def skins(v, p, k):
     v.capsule("skin", at(-110, 2, low + 4), at(-40, 0, low), p.thigh + 9, p.thigh, blend=4)
     v.capsule("skin", at(46, 0, low), at(j + 8, 0, low + 1), p.thigh, p.thigh - 6, blend=4)
     v.capsule("skin", at(j + 8, 0, low + 1), at(j + 112, 2, low - 4), p.thigh - 6, p.thigh - 4, blend=8)
-    cover = p.skin + 0.35 * p.fat
-    y = k.tendon + 0.5 * p.tendon + 2
+    cover = p.skin + 0.4 * p.fat
+    y = k.patella
     v.ellipsoid("skin", at(BASE + 0.5 * p.patella_length, 0.5, y - 12),
-                (0.5 * p.patella_length + 6, 0.5 * p.patella_breadth + 6, 12 + cover), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=5)
+                (0.5 * p.patella_length + 10.5, 0.5 * p.patella_breadth + 10.5, 12 + cover), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=5)
+
+
+def looks(v, p, k):
+    """Thigh, calf and foot: skin alone, so that one sees what it is. Nothing changes within 40 mm of entry, recess and patella."""
+    at, low, t = k.at, k.axis, p.thigh / 57
+    calf, ankle = k.joint + 112, k.joint + 395
+    v.tube("skin", [(*at(-112, 2, low + 4), p.thigh + 9), (*at(-340, 10, low), 1.5 * p.thigh)], blend=10)
+    v.tube("skin", [(*at(calf, 2, low - 4), p.thigh - 4), (*at(calf + 120, 0, low + 2), 38 * t), (*at(ankle - 60, 0, low + 4), 30 * t),
+                    (*at(ankle, 0, low + 2), 31 * t)], blend=14)
+    for r in (-17, 15):                                                                        # gastrocnemius
+        v.ellipsoid("skin", at(calf + 6, r * t, low - 26), (73, 32 * t, 34 * t), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=14)
+    v.ellipsoid("skin", at(k.joint + 66, 0, low + p.thigh - 20), (26, 15, 17), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=9)  # tuberosity
+    for r in (-30, 30):                                                                        # malleoli
+        v.ellipsoid("skin", at(ankle + (4 if r < 0 else 12), r * t, low + 2), (16, 11, 14), x_axis=(1, 0, 0), y_axis=k.way(1, 0), blend=8)
+    v.capsule("skin", at(ankle, 0, low - 8), at(ankle + 38, 0, low - 26), 30, 31, blend=14)     # heel
+    v.ellipsoid("skin", at(ankle + 84, 0, low + 62), (90, 43, 26), x_axis=(0.78, *scaled(k.way(0, 1), 0.62)[1:]),
+                y_axis=k.way(1, 0), blend=24)
+    for r, front, big in ((-27, 56, 13), (-6, 58, 9), (9, 52, 8.5), (23, 45, 8), (35, 37, 8)):  # toes
+        v.capsule("skin", at(ankle + 118, 0.85 * r, low + 98), at(ankle + 118 + 0.72 * front, 1.25 * r, low + 98 + 0.6 * front), 1.1 * big, big,
+                  blend=3)
 
 
 def volume(p):
     v, k = Volume("skin", "pad"), Knee(p)
     skins(v, p, k)
+    looks(v, p, k)
     bones(v, p, k)
     soft(v, p, k)
+    v.go_on(("artery", "vein", "nerve"), 0, k.at(-100, 0, 0)[0], -160)
     share = FORCES[p.build]
     for id, made in LAYERS.items():
         v.structure(id, NAMES[id], softened(made, share))
@@ -253,10 +288,12 @@ def volume(p):
     v.rule("tibia", "eminence", None, 0)
     for thin in ("artery", "vein", "nerve", "ligament"):
         v.rule(thin, thin, None, 0)
-    v.rule("cartilage", "femur", 0, 2.2, ("joint-line", -48, 3), ("sagittal", 6 - 0.5 * p.condyles, 0.5 * p.condyles - 6))
-    v.rule("cartilage", "patella", 0, 3, ("behind-patella", None, 0), ("femur", None, 9))
+    v.rule("cartilage", "femur", 0, p.femoral_cartilage, ("joint-line", -48, 3), ("sagittal", 6 - 0.5 * p.condyles, 0.5 * p.condyles - 6))
+    v.rule("cartilage", "patella", 0, p.patella_cartilage, ("behind-patella", None, 0), ("femur", p.femoral_cartilage, 9),
+           ("patellar-tendon", 0, None))
+    v.rule("cartilage", "fibula", 0, 1.2, ("tibia", 0, 1.2))
     v.rule("cartilage", "joint-line", 2.6, 4.5, ("tibia", None, -1))
-    v.rule("meniscus", "joint-line", -9, 4.5, ("femur", 0, 8), ("tibia", None, 2), ("eminence", 8, None))
+    v.rule("meniscus", "joint-line", -9, 4.5, ("femur", p.femoral_cartilage, 8), ("tibia", None, 2), ("eminence", 8, None))
     v.rule("quadriceps", "quadriceps", None, 0)
     v.rule("patellar-tendon", "patellar-tendon", None, 0)
     v.rule("recess", "recess", None, 0)

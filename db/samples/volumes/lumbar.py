@@ -212,9 +212,27 @@ def around(v, p, spine):
     v.half_space("front", (0, 0, spine.body + 8), (0, 0, -1))
 
 
+def looks(v, p):
+    """Hips, trunk, neck and head from behind: skin alone, so that one sees what it is. Nothing changes within 40 mm of entry and L4."""
+    w = p.waist / 145
+    deep, out = -0.5 * p.waist - 24, 0.5 * p.waist
+    for side in (-1, 1):
+        v.tube("skin", [(-90, side * p.furrow, -p.ridge - 2, p.ridge), (-230, side * 52, -78, 72), (-330, side * 70, -84, 70)], blend=16)
+        v.tube("skin", [(-85, side * (p.waist - out), deep, out), (-260, side * 75, deep + 4, 88 * w), (-350, side * 85, deep + 14, 74)], blend=30)
+        v.tube("skin", [(100, side * (p.waist - out), deep, out), (150, side * 84 * w, deep + 5, 86 * w), (215, side * 90 * w, -96, 92 * w)], blend=30)
+        v.ellipsoid("skin", (205, side * 68 * w, -62), (96, 76 * w, 74), blend=14)
+        v.capsule("skin", (235, side * 88 * w, -95), (520, side * 84 * w, -105), 90 * w, 62, blend=12)
+        v.ellipsoid("skin", (-320, side * 88, -42), (85, 52, 50), blend=20)
+        v.tube("skin", [(-385, side * 178, -88, 56), (-300, side * 205, -92, 48), (-90, side * 225 * w ** 0.5, -100, 40)], blend=20)
+    v.capsule("skin", (-390, -130, -88), (-390, 130, -88), 62, blend=30)
+    v.capsule("skin", (-400, 0, -86), (-520, 0, -96), 70, 58, blend=40)
+    v.ellipsoid("skin", (-605, 0, -112), (112, 78, 98), blend=14)
+
+
 def volume(p):
     v, spine = Volume("skin", "muscle"), Spine(p)
     around(v, p, spine)
+    looks(v, p)
     column(v, p, spine)
     for name in spine.levels:
         vertebra(v, p, spine, name)

@@ -208,9 +208,30 @@ def skins(v, p, q):
     v.capsule("deltoid", (0, cy, cz + 4), (0, cy - 110, cz + 18), r, 0.45 * r, blend=0)
 
 
+def looks(v, p, q):
+    """Arm, chest, neck and head: skin alone, so that one sees what it is. Nothing changes within 40 mm of entry and acromion."""
+    (_, cy, cz), a, r = q.skin, p.arm, q.round
+    mid = cz - 172                        # of the body
+    v.tube("skin", [(0, cy - 145, cz + 1, a - 5), (6, cy - 290, cz + 4, a - 11), (30, cy - 430, cz, a - 16)], blend=10)
+    v.tube("skin", [(8, cy - 40, mid, 84), (16, cy - 180, mid, 96), (18, cy - 400, mid, 92)], blend=30)
+    for side in (-1, 1):
+        v.tube("skin", [(8, cy - 110, mid + 44 * side, 86), (6, cy - 200, mid + 56 * side, 90), (6, cy - 400, mid + 54 * side, 84)], blend=24)
+        v.ellipsoid("skin", (66, cy - 112, mid + 74 * side), (42, 52, 62), blend=30)           # breast
+    far = 2 * mid - cz                    # the other shoulder
+    v.tube("skin", [(0, cy, far, r), (0, cy - 140, far - 2, a), (6, cy - 290, far - 4, a - 10), (30, cy - 430, far, a - 16)], blend=20)
+    v.tube("skin", [(-12, cy + 0.75 * r - 12, mid, r), (-2, cy + 0.3 * r, far + 60, 0.9 * r)], blend=30)
+    v.capsule("skin", (-10, cy + 40, mid), (2, cy + 140, mid), 62, 56, blend=20)
+    v.ellipsoid("skin", (14, cy + 232, mid), (98, 104, 76), blend=10)
+    v.ellipsoid("skin", (58, cy + 176, mid), (46, 44, 52), blend=20)                           # jaw
+    v.capsule("skin", (108, cy + 238, mid), (122, cy + 206, mid), 8, 13, blend=8)              # nose
+    for side in (-1, 1):
+        v.ellipsoid("skin", (2, cy + 214, mid + 76 * side), (16, 31, 10), blend=4)             # ears
+
+
 def volume(p):
     v, q = Volume("skin", "muscle"), places(p)
     skins(v, p, q)
+    looks(v, p, q)
     bones(v, p, q)
     soft(v, p, q)
     share = FORCES[p.build]

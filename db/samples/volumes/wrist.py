@@ -207,12 +207,30 @@ def around(v, p):
     v.half_space("levels", (0, 0, 0), (1, 0, 0))
 
 
+def looks(v, p):
+    """Fingers, thumb and arm: skin alone, so that one sees what it is. Nothing changes within 40 mm of entry and carpal bones."""
+    s, half = p.arch / 25.7, 0.5 * p.thick
+    for y, out, length in ((20, 31, 80), (5.5, 8, 88), (-9.5, -17, 82), (-24, -42, 64)):      # base, tip: towards the thumb
+        def joint(share, z, r):
+            return (70 + share * length, (y + share * (out - y)) * s, z - half, 0.42 * half * r)
+        v.tube("skin", [joint(0, -1, 1.05), joint(0.48, 4, 1), joint(0.78, 10, 0.9), joint(0.98, 17, 0.76)], blend=5)
+    z = roof(p) - p.depth
+    v.tube("skin", [(64, 43 * s, z + 6, 0.56 * half), (86, 55 * s, z + 10, 0.48 * half), (108, 62 * s, z + 15, 0.4 * half)], blend=4)
+    for side in (-1, 1):
+        v.tube("skin", [(-80, side * 0.2 * p.across, -half - 1, half + 1), (-175, side * 0.3 * p.across, -half - 3, 1.6 * half),
+                        (-245, side * 0.22 * p.across, -half - 4, 1.75 * half)], blend=10)
+    v.capsule("skin", (-245, 0, -half - 6), (-330, 0, -half - 10), 2 * half, 2.2 * half, blend=20)
+
+
 def volume(p):
     v = Volume("skin", "muscle")
     around(v, p)
+    looks(v, p)
     bones(v, p)
     tendons(v, p)
     vessels(v, p)
+    v.go_on(("radius", "ulna", "tendons", "palmaris", "wrist-flexors", "extensors", "nerve", "ulnar-nerve", "artery", "radial-artery"),
+            0, -78, -130)
     share = FORCES[p.build]
     for id, made in LAYERS.items():
         v.structure(id, NAMES[id], softened(made, share))

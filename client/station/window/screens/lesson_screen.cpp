@@ -211,7 +211,7 @@ constexpr KeyRow kSteeringKeys[] = {{"W S, wheel", "in, out"},
                                     {"Space, X", "plunger in, out"},
                                     {"Shift", "slowly"}};
 constexpr KeyRow kLessonKeys[] = {
-    {"1 2 3", "views"}, {"Ctrl + −", "letter size"}, {"I", "this window"}, {"Esc", "end"}};
+    {"1 2 3 4", "views"}, {"Ctrl + −", "letter size"}, {"I", "this window"}, {"Esc", "end"}};
 
 // shows the facts behind the light, and all keys, over the picture
 void showDetails(std::span<const StationFact> facts, bool steers, ImVec2 corner_px, ImVec2 size_px) {
@@ -333,7 +333,7 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
     ImGui::SameLine();
     if (keys && ImGui::IsKeyPressed(GLFW_KEY_C, false)) requests.switchCap();
   }
-  keyHint("1 2 3", "views");
+  keyHint("1 2 3 4", "views");
   ImGui::SameLine();
   keyHint("I", "station, keys");
   ImGui::SameLine();
@@ -366,6 +366,7 @@ void LessonScreen::chooseView(const LessonFollow& lesson) {
   if (ImGui::IsKeyPressed(GLFW_KEY_1, false)) frame_.camera = initialView(*lesson.scene());
   if (ImGui::IsKeyPressed(GLFW_KEY_2, false)) frame_.camera = viewFromSide(*lesson.scene());
   if (ImGui::IsKeyPressed(GLFW_KEY_3, false)) frame_.camera = viewFromAbove(*lesson.scene());
+  if (ImGui::IsKeyPressed(GLFW_KEY_4, false)) frame_.camera = viewOfWhole(*lesson.scene());
 }
 
 // sends this frame's mouse and key input to the hand

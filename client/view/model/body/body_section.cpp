@@ -13,31 +13,27 @@ namespace {
 
 constexpr double kCortex_m = 1.8e-3;  // of a bone: dense and pale; within it spongy bone
 constexpr double kBetween_m = 7e-3;   // grain so far apart has nothing in common
+constexpr double kFarthest = 2;       // from the eye, in distances to the focus
 constexpr Rgb kSpongy = rgbOf(0xD9BE94);
 
-/// The visible rectangle of the plane, about the point at which the camera looks.
+/// The rectangle of the plane that the picture shows, as far as it is not much farther away than the focus.
 SectionFrame frameOf(const SceneView& scene, const PicturePlane& plane, const OrbitCamera& camera,
                      double width_per_height, int long_px) {
   const Vec3 n = plane.to_viewer_W;
   const Vec3 up = normalized(scene.focus_normal_W - n * dot(n, scene.focus_normal_W));
-  const Vec3 across = cross(up, n);
-  const double reach_m = bodyReach_m(scene);
-  const double high_m = 1.7 * camera.distance_m * std::tan(camera.field_of_view_rad / 2);
-  // a plane seen at an angle shows more of itself
-  const double aslant = std::max(0.4, std::fabs(dot(up, camera.upward_W())));
-  const Vec3 middle = camera.focus_W_m - scene.focus_W_m;
-  const auto side = [&](Vec3 way, double half_m, double& low_m, double& high) {
-    const double at_m = dot(way, middle);
-    low_m = std::clamp(at_m - half_m, -reach_m, reach_m);
-    high = std::clamp(at_m + half_m, -reach_m, reach_m);
-    if (!(high - low_m > 1e-3)) {
-      low_m = -reach_m;
-      high = reach_m;
-    }
-  };
+  const Vec3 across = cross(up, n), eye_W_m = camera.eye_W_m();
   double left = 0, right = 0, low = 0, top = 0;
-  side(across, high_m * width_per_height, left, right);
-  side(up, high_m / aslant, low, top);
+  for (const double x : {0.0, width_per_height})
+    for (const double y : {0.0, 1.0}) {
+      const Vec3 ray_W = camera.ray_W(x, y, width_per_height, 1);
+      const double ahead_m = dot(n, plane.place_W_m - eye_W_m) / std::min(dot(n, ray_W), -1e-9);
+      const Vec3 at =
+          eye_W_m + ray_W * std::clamp(ahead_m, 0.0, kFarthest * camera.distance_m) - scene.focus_W_m;
+      left = std::min(left, dot(across, at));
+      right = std::max(right, dot(across, at));
+      low = std::min(low, dot(up, at));
+      top = std::max(top, dot(up, at));
+    }
   const Vec3 foot = scene.focus_W_m + n * dot(n, plane.place_W_m - scene.focus_W_m);
   const double point_m = std::max(right - left, top - low) / long_px;
   return {foot + across * left + up * low, across * (right - left), up * (top - low),
@@ -63,7 +59,6 @@ class Painter {
     RgbaImage image{width, height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
     const Rgb skin = mixed(kindColour(pb::Volume::Structure::SKIN), kBlack, 0.1F);
-    const double ball2_m2 = bodyBall_m(scene_) * bodyBall_m(scene_);
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
         const int from_y = dimple ? y + pressed(*dimple, x, y) : y;
@@ -71,8 +66,7 @@ class Painter {
         std::uint8_t* const pixel =
             &image.pixels[4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
                                static_cast<std::size_t>(x))];
-        const bool shown = (here != kOutside || besideSkin(x, from_y)) &&
-                           normSquared(frame_W_.at(x + 0.5, y + 0.5) - scene_.focus_W_m) < ball2_m2;
+        const bool shown = here != kOutside || besideSkin(x, from_y);
         // beside the skin its colour, without opacity: edges are blended without a fringe
         const Rgb colour = here == kOutside ? skin : colourOf(here, x, from_y);
         const auto byte = [](float share) {

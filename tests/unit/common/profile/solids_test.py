@@ -194,8 +194,7 @@ def pieces(cells, id):
     return count
 
 
-# In the knees patella and femur, tibia and fibula still overlap.
-MENDED = ("wrist", "shoulder", "lumbar")
+MENDED = ("wrist", "shoulder", "lumbar", "knee")
 BUILDS = ("slender", "median", "heavy") if os.environ.get("NEEDLELAB_LONG") else ("median",)
 
 
