@@ -286,7 +286,7 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
     const PlanTarget* const target =
         kind == "target" || kind == "retry" ? targetNamed(targets_W, argument) : nullptr;
     HandPlan before = target != nullptr && target->landmark_W_m
-                          ? palpationPlan(scene_W.limb, *target->landmark_W_m, kFeelingSpeed_mps)
+                          ? palpationPlan(scene_W, *target->landmark_W_m, kFeelingSpeed_mps)
                           : HandPlan(plan->start().X_WT).pressCapButton(kCapPress_s);
     plan = before.setPlunger(plan->start().plunger).then(*plan, kFeelingSpeed_mps);
   }

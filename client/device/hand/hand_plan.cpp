@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cassert>
+#include <limits>
 #include <optional>
 #include <utility>
+#include <variant>
 
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
+#include "common/haptics/touch/soft_tissue.h"
 
 namespace needlelab {
 namespace {
@@ -205,16 +208,41 @@ HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
   return insertionPlan(target_W_m + n * depth, -n, depth, style);
 }
 
-HandPlan palpationPlan(const Limb& limb_W, Vec3 landmark_W_m, double speed_mps) {
-  constexpr double kHover_m = 0.012, kAside_m = 0.015, kDeepest_m = 0.03, kBeyond_m = 0.002;
+// How deep the tip is where the ball, straight in from a place on the skin, pushes back with a force; at most
+// 30 mm.
+double depthOfPress(const SceneSpec& scene_W, Vec3 at_W_m, Vec3 out_W, double press_N) {
+  constexpr double kDeepest_m = 0.03, kStep_m = 1e-4;
+  const StageNumbers& numbers = scene_W.stage_numbers[stageOf(Effect::kPalpation)];
+  const double radius_m = numbers[kPalpationRadius_m], bone_N_per_m = numbers[kPalpationBone_N_per_m],
+               share = numbers[kPalpationStiffening];
+  const SoftTissue tissue{numbers[kPalpationSkin_N_per_m], share * bone_N_per_m};
+  double cover_m = std::numeric_limits<double>::infinity();
+  if (const auto* const limb = std::get_if<BodyLimb>(&scene_W.limb)) {
+    const Vec3 ball_L_m = inverse(limb->X_WL) * (at_W_m + out_W * radius_m);
+    cover_m = std::max(0.0, limb->body->around(ball_L_m, radius_m)->bone(ball_L_m).distance_m - radius_m);
+  }
+  double pressed_m = 0;
+  while (pressed_m < kDeepest_m + radius_m &&
+         tissue.at(pressed_m, cover_m).force_N +
+                 (1 - share) * bone_N_per_m * std::max(0.0, pressed_m - cover_m) <
+             press_N)
+    pressed_m += kStep_m;
+  return pressed_m - radius_m;
+}
+
+HandPlan palpationPlan(const SceneSpec& scene_W, Vec3 landmark_W_m, double speed_mps) {
+  constexpr double kHover_m = 0.012, kAside_m = 0.015, kPress_N = 2.4, kLeast_m = 5e-4;
   constexpr double kPause_s = 0.5, kCapButton_s = 0.1;
+  const Limb& limb_W = scene_W.limb;
+  const double radius_m = scene_W.stage_numbers[stageOf(Effect::kPalpation)][kPalpationRadius_m];
   const Vec3 over = skinAbove(limb_W, landmark_W_m, outwardNormal(limb_W, landmark_W_m));
   const Vec3 n = outwardNormal(limb_W, over);
   const Vec3 aside = normalized(cross(n, std::abs(n.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));
-  const double depth_m = std::min(kDeepest_m, norm(landmark_W_m - over) + kBeyond_m);
   std::optional<HandPlan> plan;
   for (const double aside_m : {kAside_m, -kAside_m, 0.0}) {
     const Vec3 at = skinAbove(limb_W, over + aside * aside_m, n), out = outwardNormal(limb_W, at);
+    double depth_m = depthOfPress(scene_W, at, out, kPress_N);
+    if (aside_m == 0.0) depth_m = std::max(depth_m, norm(landmark_W_m - over) + kLeast_m - radius_m);
     const Quat q = orientationAlong(-out);
     const Pose hover{at + out * kHover_m, q}, pressed{at - out * depth_m, q};
     if (plan)

@@ -104,10 +104,10 @@ HandPlan insertionPlan(Vec3 entry_W_m, Vec3 axis_W, double depth_m, const PlanSt
 HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
                     std::optional<Vec3> entry_W_m = std::nullopt);
 
-/// Feels for a landmark with a capped needle: presses on the skin on both sides of it, then over it, as deep
-/// as the bone but at most 30 mm; then presses the cap button, clear of the skin. `landmark_W_m`: on the
-/// bone.
-HandPlan palpationPlan(const Limb& limb_W, Vec3 landmark_W_m, double speed_mps);
+/// Feels for a landmark with a capped needle: presses on the skin on both sides of it, then over it, with 2.4
+/// N by the scene's numbers, or more if the bone is not met by that; then presses the cap button, clear of
+/// the skin. `landmark_W_m`: on the bone. The scene lists PALPATION.
+HandPlan palpationPlan(const SceneSpec& scene_W, Vec3 landmark_W_m, double speed_mps);
 
 /// Follows the paper's Fig. 10: goes in `miss_rad` beside the way to the target, comes back by two thirds,
 /// turns to the target, goes in, holds, comes out. `entry_W_m` as for targetPlan.

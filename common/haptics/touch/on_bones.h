@@ -20,7 +20,7 @@ struct OnBones {
   /// … none shorter than this: less bone than that may be missed.
   static constexpr double kLeast_m = 2e-6;
   static constexpr int kHalvings = 24, kNewtons = 4;
-  static constexpr double kOn_m = kOnSurface_m;
+  static constexpr double kOn_m = kOnSurface_m, kStill_m = 1e-8;
 
   [[nodiscard]] double away(Vec3 p_W_m) const { return bones.distance(p_W_m) - above_m; }
   [[nodiscard]] double depth(Vec3 p_W_m) const { return -away(p_W_m); }

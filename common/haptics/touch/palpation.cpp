@@ -166,7 +166,7 @@ struct UnderBall {
       if (!(size2 > 0.0)) break;
       const double off_m = skin.distance_m - radius_m;
       p_W_m = p_W_m - slope * (off_m / size2);
-      if (std::fabs(off_m) <= kStill_m) break;
+      if (std::fabs(off_m) <= kWaits_m) break;
     }
     return p_W_m;
   }
@@ -265,6 +265,7 @@ struct BonesAround {
   [[nodiscard]] Vec3 slope(Vec3 p_W_m) const { return at(p_W_m).slope; }
 };
 struct BallOnBones : OnBones<BonesAround> {
+  static constexpr double kStill_m = kWaits_m;
   // in a hollow narrower than the ball no place near is on the surface
   [[nodiscard]] bool reaches(Vec3 from_W_m, Vec3 to_W_m, Vec3 /*tip_W_m*/) const {
     const double away_m = away(to_W_m);

@@ -22,8 +22,6 @@ namespace needlelab::proxy_contact {
 inline constexpr int kMaxSlips = 8;
 /// A place closer than this to the surface is on it.
 inline constexpr double kOnSurface_m = 1e-9;
-/// On a surface with hollows, which costs time to ask, a shorter slip waits for the next tick.
-inline constexpr double kStill_m = 1e-8;
 /// How much faster than the tip the proxy may fall over an edge: 4 mm in 0.2 s.
 inline constexpr double kFallSpeed_mps = 0.020;
 
@@ -34,6 +32,8 @@ inline constexpr double kFallSpeed_mps = 0.020;
 //   Vec3 onto(p_W_m) const;                       a place on it, near a place
 //   bool meets(from, to, begins_on, at&) const;   whether a way meets it, and where
 //   bool reaches(from, to, tip) const;            whether the proxy may go there
+//   static constexpr double kStill_m              as it costs time to ask, a shorter slip waits for the next
+//   tick
 
 // the nearest place on the surface; `motion`: of the tip, where the normal is undefined
 template <class Surface>
@@ -112,7 +112,8 @@ bool followTip(const Surface& surface, double friction, Vec3 tip_W_m, double max
     const Vec3 along = to_tip + normal * pressed_m;
     const double along_m = norm(along), sticks_m = friction * pressed_m;
     if (along_m <= sticks_m || slip == kMaxSlips) return true;
-    if (!Surface::kIsConvex && along_m - sticks_m <= kStill_m) return true;
+    if constexpr (!Surface::kIsConvex)
+      if (along_m - sticks_m <= Surface::kStill_m) return true;
     const Vec3 move = along * (1.0 - sticks_m / along_m);
     // on a curved surface a long slip could lengthen the spring: then try a shorter one
     const double max_share = shareWithin(change, move, max_m);

@@ -12,6 +12,7 @@
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/surface.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/warnings.h"
@@ -41,6 +42,13 @@ Result<StationLesson> lessonOf(pb::Profile profile, const StationOptions& option
 
 bool lacksTorque(const DeviceInfo& device) {
   return device.renders_force && !device.renders_torque;
+}
+
+// where there is least between the landmark and the skin, about a place: each in turn is nearest to the other
+Vec3 leastCovered(const StructureRegion& landmark, const Limb& limb_W, Vec3 place_W_m) {
+  constexpr int kTurns = 20;
+  for (int i = 0; i < kTurns; ++i) place_W_m = landmark.nearest(closestSkin(limb_W, place_W_m, {0, 0, -1}));
+  return place_W_m;
 }
 
 }  // namespace
@@ -86,7 +94,9 @@ std::vector<PlanTarget> targetsOf(const pb::Profile& profile, const Pose& X_WL) 
   for (const Target& target : anatomy.targets) {
     const Vec3 tip_W_m = tipForTarget(anatomy, target, behind_m, entry);
     targets.push_back({target.ball.name, tip_W_m, entry, std::nullopt});
-    if (anatomy.landmark) targets.back().landmark_W_m = anatomy.landmark->nearest(entry.value_or(tip_W_m));
+    if (anatomy.landmark)
+      targets.back().landmark_W_m =
+          leastCovered(*anatomy.landmark, scene->limb, anatomy.landmark->nearest(entry.value_or(tip_W_m)));
   }
   return targets;
 }

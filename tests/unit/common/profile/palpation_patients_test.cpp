@@ -105,10 +105,10 @@ double steepest(const std::vector<double>& force_N, double most_N) {
 std::pair<Place, Place> landmarkAndBeside(const Patient& patient) {
   const pb::Profile profile =
       *loadProfile(std::filesystem::path(NEEDLELAB_SAMPLES) / "volumes" / (patient.name + ".json"));
+  const std::string id = profile.palpation().has_landmark() ? profile.palpation().landmark() : "l4";
   const auto& structures = patient.field().structures();
-  const auto landmark = static_cast<StructureIndex>(
-      std::ranges::find(structures, profile.palpation().landmark(), &FieldStructure::id) -
-      structures.begin());
+  const auto landmark = static_cast<StructureIndex>(std::ranges::find(structures, id, &FieldStructure::id) -
+                                                    structures.begin());
   // the place of the landmark that is nearest to the skin, roughly
   Place nearest, softest;
   nearest.cover_m = 1;
@@ -141,9 +141,9 @@ std::pair<Place, Place> landmarkAndBeside(const Patient& patient) {
 
 // A hand feels a landmark where pressing becomes harder than beside it, with less force than a device holds.
 TEST(PalpationPatients, aLandmarkIsHarderThanTheSoftTissueBesideIt) {
-  int felt = 0;
   for (const Patient& patient : patients()) {
     SCOPED_TRACE(patient.name);
+    if (patient.name == "lumbar-heavy") continue;  // it has none: 26 mm deep, it cannot be felt
     const auto [landmark, beside] = landmarkAndBeside(patient);
     ASSERT_LT(landmark.cover_m, 0.03);
     const std::vector<double> over = pressed(patient, landmark, landmark.cover_m + 0.002),
@@ -156,11 +156,10 @@ TEST(PalpationPatients, aLandmarkIsHarderThanTheSoftTissueBesideIt) {
         patient.name.c_str(), 1e3 * landmark.cover_m, forceAt(over, landmark.cover_m), most_N, ratio,
         forceAt(soft, 0.005));
     EXPECT_GE(forceAt(soft, 0.005), 0.5);
-    if (landmark.cover_m > 0.016) continue;
+    EXPECT_LE(landmark.cover_m, 0.016);
     EXPECT_GE(ratio, 2);
-    ++felt;
+    EXPECT_LE(forceAt(over, landmark.cover_m), 3) << "what motors hold";
   }
-  EXPECT_GE(felt, 11) << "all but the heaviest back";
 }
 
 /// As a loop over the skin that dips to a depth and comes back to where it began.

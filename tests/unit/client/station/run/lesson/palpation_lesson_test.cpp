@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -89,16 +90,22 @@ TEST(PalpationLesson, aHandFindsEachPatientsLandmarkThenTheTarget) {
     const auto still_on = std::find_if(entry, lesson.samples.end(), has(kFlagCapped));
     EXPECT_EQ(still_on, lesson.samples.end()) << "the cap stays off";
     const double entry_s = static_cast<double>(entry - lesson.samples.begin()) / kRate_hz;
-    EXPECT_GT(valueOf(score, "landmark_s"), 0.3);
-    EXPECT_LT(valueOf(score, "landmark_s"), entry_s);
+    // a landmark that takes more force than motors hold is not one
+    if (lesson.profile.palpation().has_landmark()) {
+      EXPECT_GT(valueOf(score, "landmark_s"), 0.3);
+      EXPECT_LT(valueOf(score, "landmark_s"), entry_s);
+    } else {
+      EXPECT_EQ(std::string(patient), "lumbar-heavy");
+      EXPECT_TRUE(std::isnan(valueOf(score, "landmark_s")));
+    }
     EXPECT_EQ(valueOf(score, "entries"), 1);
     EXPECT_EQ(valueOf(score, "target_reached"), 1);
     EXPECT_EQ(valueOf(score, "bone_contacts"), 0);
     double peak_N = 0;
     for (auto sample = lesson.samples.begin(); sample != entry; ++sample)
       peak_N = std::max(peak_N, std::hypot(sample->force_W_N[0], sample->force_W_N[1], sample->force_W_N[2]));
-    EXPECT_GT(peak_N, 2);
-    EXPECT_LT(peak_N, 9);
+    if (lesson.profile.palpation().has_landmark()) EXPECT_GT(peak_N, 2);
+    EXPECT_LT(peak_N, 3.5) << "motors hold 3 N for longer";
     EXPECT_LT(valueOf(score, "peak_force_n"), 5) << "of the needle: presses do not count";
   }
 }
