@@ -149,6 +149,41 @@ TEST(FieldSlope, isThatOfTheDistanceAndHasItsBits) {
   EXPECT_LT(ridges, compared / 100) << "the field is smooth almost everywhere";
 }
 
+// Its sign is the structures', its slope that of its distances, and a ball's part has the bits of the whole.
+TEST(FieldPiece, isTheWholeFieldsDistanceInItsBall) {
+  const Field field = fieldOf(forearm());
+  Random random(21);
+  std::size_t steep = 0, inside = 0;
+  for (int i = 0; i < 4'000; ++i) {
+    const Vec3 p_m = randomPoint(random, {-40, -35, -40}, {50, 35, 15});
+    const auto mask = i % 5 == 0 ? kWholeBody : static_cast<StructureMask>(random.in(1, 255));
+    const Field::Piece whole = field.piece(mask);
+    const Field::Piece ball = whole.within(p_m, random.in(0.001, 0.02)), less = ball.within(p_m, 0.0005);
+    const FieldSlope found = whole.at(p_m);
+    for (const Field::Piece& piece : {ball, less}) {
+      ASSERT_EQ(piece.at(p_m).distance_m, found.distance_m) << i;
+      ASSERT_EQ(piece.at(p_m).slope, found.slope) << i;
+      const Vec3 aside = p_m + normalized(randomPoint(random, {-1, -1, -1}, {1, 1, 1})) * 0.0005;
+      ASSERT_EQ(piece.at(aside).distance_m, whole.at(aside).distance_m) << i;
+    }
+    const StructureIndex here = field.at(p_m).structure;
+    const bool is_in = here != kOutside && (mask & maskOf(here)) != 0;
+    if (std::fabs(found.distance_m) > 1e-9) ASSERT_EQ(found.distance_m < 0, is_in) << i;
+    inside += is_in ? 1 : 0;
+    for (const Vec3 axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
+      const double ahead = (whole.at(p_m + axis * 1e-5).distance_m - found.distance_m) / 1e-5,
+                   behind = (found.distance_m - whole.at(p_m - axis * 1e-5).distance_m) / 1e-5;
+      if (std::fabs(ahead - behind) > 2e-2)
+        ++steep;
+      else
+        ASSERT_NEAR(dot(found.slope, axis), 0.5 * (ahead + behind), 1e-3 + 0.5 * std::fabs(ahead - behind))
+            << i;
+    }
+  }
+  EXPECT_GT(inside, 300u);
+  EXPECT_LT(steep, 4'000u * 3 / 50) << "ridges are rare";
+}
+
 TEST(FieldOnLine, aStretchHasTheStructuresOfTheWholeField) {
   const Field field = fieldOf(forearm());
   Random random(9);

@@ -388,14 +388,6 @@ TEST(Palpation, aReaderOfTheTicksHasTheSameForces) {
   }
 }
 
-/// Makes no path: what is tested here needs no bones.
-class NoPaths final : public PathMaker {
- public:
-  void ask(const PathAsk& /*ask*/) noexcept override {}
-  bool take(PathStack*& /*made*/) noexcept override { return false; }
-  void retire(PathStack* /*path*/) noexcept override {}
-};
-
 /// Has one path, made beforehand, which the engine keeps to its end.
 class OnePath final : public PathMaker {
  public:
@@ -433,6 +425,67 @@ TEST(Palpation, aReaderAfterAFaultFeelsNothingEither) {
     most_N = std::max(most_N, norm(own.wrench_W.force_N));
     if (k >= 700) EXPECT_EQ(own.wrench_W.force_N, Vec3{}) << k;
   }
+  EXPECT_GT(most_N, 2);
+}
+
+/// Counts what is asked of a body, and of its pieces what was not made in a maker's ask.
+class CountedBody final : public Body {
+ public:
+  explicit CountedBody(const FieldSpec& field) : body_(fieldOf(field)) {}
+  [[nodiscard]] double depth(Vec3 p_m) const noexcept override { return ++asked, body_.depth(p_m); }
+  [[nodiscard]] Vec3 normal(Vec3 p_m) const noexcept override { return ++asked, body_.normal(p_m); }
+  [[nodiscard]] StructureIndex structureAt(Vec3 p_m) const noexcept override {
+    return ++asked, body_.structureAt(p_m);
+  }
+  [[nodiscard]] LayerStack layersAlong(Vec3 from_m, Vec3 axis, double reach_m, double min_layer_m,
+                                       AtBone at_bone) const noexcept override {
+    return ++asked, body_.layersAlong(from_m, axis, reach_m, min_layer_m, at_bone);
+  }
+  [[nodiscard]] std::shared_ptr<const Bones> bonesIn(Vec3 center_m, double radius_m) const override {
+    return ++asked, body_.bonesIn(center_m, radius_m);
+  }
+  [[nodiscard]] std::shared_ptr<const Surroundings> around(Vec3 center_m, double radius_m) const override {
+    return ++asked, body_.around(center_m, radius_m);
+  }
+  mutable int asked = 0;
+
+ private:
+  FieldBody body_;
+};
+
+/// Another thread's paths: what they ask the body is not the tick's.
+class PathsOfAnother final : public PathMaker {
+ public:
+  PathsOfAnother(const SceneModel& model, const CountedBody& body) : paths_(model), body_(body) {}
+  void ask(const PathAsk& ask) noexcept override {
+    const int before = body_.asked;
+    paths_.ask(ask);
+    body_.asked = before;
+  }
+  bool take(PathStack*& made) noexcept override { return paths_.take(made); }
+  void retire(PathStack* path) noexcept override { paths_.retire(path); }
+
+ private:
+  PathsInPlace paths_;
+  const CountedBody& body_;
+};
+
+TEST(Palpation, aTickWithTheCapOnAsksNoBody) {
+  const auto body = std::make_shared<CountedBody>(finger());
+  SceneSpec spec = palpable(sceneIn(finger()));
+  std::get<BodyLimb>(spec.limb).body = body;
+  const auto model = std::make_unique<SceneModel>(compiled(spec, kRate_hz));
+  PathsOfAnother paths(*model, *body);
+  SceneEngine engine(*model, &paths);
+  engine.wantCap(true);
+  body->asked = 0;
+  double most_N = 0;
+  for (const Vec3 tip : gestureOverTheFinger(3)) {
+    StepReport report;
+    engine.step({tip, leaning(0)}, report);
+    most_N = std::max(most_N, norm(report.wrench_W.force_N));
+  }
+  EXPECT_EQ(body->asked, 0);
   EXPECT_GT(most_N, 2);
 }
 
