@@ -95,7 +95,7 @@ struct SceneEngine::InBody {
   /// Uses a path from this tick on, or retires it. Returns whether it uses it.
   bool use(PathStack* made, std::uint64_t insertion, std::uint32_t& flags, SimState& state) noexcept;
   void replace(PathStack* next, std::uint32_t& flags, SimState& state) noexcept;
-  /// A reader that begins with the cap on has a piece of the body at once.
+  /// A reader that begins while the cap presses has a piece of the body at once.
   void beginCapped(const TipSample& sample, SimState& state);
   /// The path for this tick, if one is due or was given for it. True if it is used.
   bool usePath(const StoredTick* stored, std::uint32_t& flags, SimState& state) noexcept;
@@ -179,11 +179,11 @@ bool SceneEngine::InBody::usePath(const StoredTick* stored, std::uint32_t& flags
 void SceneEngine::InBody::beginCapped(const TipSample& sample, SimState& state) {
   PathLayers path;
   std::uint32_t flags = 0;
-  const PathAsk first{.capped = true,
-                      .p_tip_W_m = sample.p_WT_m,
-                      .ball_radius_m = kAround_m,
-                      .axis_W = unitAxis(sample),
-                      .point_W_m = sample.p_WT_m};
+  PathAsk first;
+  first.capped = true;
+  first.p_tip_W_m = first.point_W_m = sample.p_WT_m;
+  first.ball_radius_m = kAround_m;
+  first.axis_W = unitAxis(sample);
   if (findPath(body, first, path))
     if (auto made = compilePath(body, path)) replace(made.release(), flags, state);
 }
@@ -406,8 +406,9 @@ void SceneEngine::stepAtEvent(const TipSample& sample, const StoredTick* stored,
   std::uint32_t flags = 0;
   if (stored != nullptr || (body.asked && body.tick == body.due)) {
     static_cast<void>(body.usePath(stored, flags, state_));
-    if (stored != nullptr && (stored->flags & kFlagCapped) != 0 && body.now == nullptr && isFinite(sample))
-      body.beginCapped(sample, state_);
+    const bool presses =
+        stored != nullptr && (stored->flags & kFlagCapped) != 0 && stored->force_W_N != Vec3{};
+    if (presses && body.now == nullptr && isFinite(sample)) body.beginCapped(sample, state_);
     if (body.now != nullptr) model_ = &body.now->model;
   }
   stepOnModel(sample, stored, as_stored, report);

@@ -54,7 +54,7 @@ constexpr std::array<EffectField, 5> kPalpationFields = {
       palpationNumber<kPalpationFriction>},
      {"radius_m", "Radius of the capped tip", {0, 0.02, true}, 0.003, palpationNumber<kPalpationRadius_m>},
      {"stiffening_share",
-      "Share of the bone's stiffness that soft tissue has when it is pressed flat",
+      "Share of it that soft tissue adds when pressed flat",
       {0, 1},
       0.5,
       palpationNumber<kPalpationStiffening>}}};
@@ -352,7 +352,7 @@ void palpate(const SceneModel& scene, const PlacedSurroundings& around, const Ti
     report.stage_N[kPalpationOwn] = norm(force_W_N);
     capForce(scene, force_W_N, report);
     report.wrench_W.force_N = force_W_N;
-  } else {
+  } else if (under.known()) {
     report.flags |= kFlagStartedInside;
   }
   state.p_prev_W_m = sample.p_WT_m;

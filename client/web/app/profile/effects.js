@@ -28,7 +28,7 @@ export const kEffects = [
     section: 'hub', fields: [['stiffness_n_per_m', 'Stiffness of the skin under the hub']],
     begin: { stiffness_n_per_m: 300 } },
   { name: 'PALPATION', label: 'Palpation: the capped needle feels skin and bone', title: 'Palpation',
-    section: 'palpation', fields: [['skin_stiffness_n_per_m', 'Stiffness of skin and soft tissue under the cap'], ['bone_stiffness_n_per_m', 'Stiffness that bone adds'], ['friction_coefficient', 'Friction of the cap on the skin'], ['radius_m', 'Radius of the capped tip'], ['stiffening_share', 'Share of the bone\'s stiffness that soft tissue has when it is pressed flat']],
+    section: 'palpation', fields: [['skin_stiffness_n_per_m', 'Stiffness of skin and soft tissue under the cap'], ['bone_stiffness_n_per_m', 'Stiffness that bone adds'], ['friction_coefficient', 'Friction of the cap on the skin'], ['radius_m', 'Radius of the capped tip'], ['stiffening_share', 'Share of it that soft tissue adds when pressed flat']],
     begin: { skin_stiffness_n_per_m: 105, bone_stiffness_n_per_m: 600, friction_coefficient: 0.3, radius_m: 0.003, stiffening_share: 0.5 },
     lowered: { words: 'palpation', turns: false, without: 'the needle had no cap' } },
 ];

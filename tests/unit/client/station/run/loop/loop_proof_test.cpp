@@ -205,7 +205,7 @@ TEST_F(LoopProof, inABodyTheThreadBesideItMakesThePaths) {
   EXPECT_GE(loop_->stats().flag_ticks[12], 1u) << "new paths";
 }
 
-TEST_F(LoopProof, withTheCapOnItAsksTheBodyWithoutHeapOrLock) {
+TEST_F(LoopProof, withTheCapOnItTakesPiecesOfTheBodyWithoutHeapOrLock) {
   useCappedBody();
   TroubledDevice device;
   LoopTime clock;
