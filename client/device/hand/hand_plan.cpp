@@ -8,8 +8,8 @@
 #include <variant>
 
 #include "common/haptics/scene_model.h"
+#include "common/haptics/soft_tissue.h"
 #include "common/haptics/surface.h"
-#include "common/haptics/touch/soft_tissue.h"
 
 namespace needlelab {
 namespace {

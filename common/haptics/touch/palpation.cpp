@@ -13,12 +13,12 @@
 #include <variant>
 
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/soft_tissue.h"
 #include "common/haptics/spec_checker.h"
 #include "common/haptics/state_hash.h"
 #include "common/haptics/surface.h"
 #include "common/haptics/tick.h"
 #include "common/haptics/touch/on_bones.h"
-#include "common/haptics/touch/soft_tissue.h"
 
 namespace needlelab {
 namespace {
