@@ -152,6 +152,7 @@ const infoOf = (lab, s) => ({
     tool: [],
     device_notes: [],
     code_checked: false,
+    capped_on_pieces: false,
     device: 'Virtuose 6D Desktop (simulated)',
     axial_model: 'ENHANCED_TRACKING_WALL',
     live_effects: ['CUTTING', 'ATTRACTED', 'CLAMPING', 'PUNCTURE'],
