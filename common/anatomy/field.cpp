@@ -106,6 +106,18 @@ void Field::join(const Part& part, Vec3 p_m, Distances& distances) noexcept {
   group = smoothMinimum(group, distanceTo(part, p_m), part.blend_m);
 }
 
+bool Field::capsuleBelow(const Part& part, Vec3 p_m, double bound_m, FieldSlope& to) noexcept {
+  const Vec3 from_a = p_m - part.a;
+  const double free = dot(from_a, part.b) * part.inverse, along = std::min(std::max(free, 0.0), 1.0);
+  const Vec3 off = from_a - part.b * along;
+  const double length_m = norm(off);
+  to.distance_m = length_m - (part.radius_m + part.growth_m * along);
+  if (to.distance_m > bound_m) return false;
+  to.slope = length_m > 0 ? off / length_m : Vec3{};
+  if (free > 0 && free < 1) to.slope = to.slope - part.b * (part.growth_m * part.inverse);
+  return true;
+}
+
 FieldSlope Field::slopeTo(const Part& part, Vec3 p_m, bool exact) noexcept {
   if (part.kind == Kind::kEllipsoid) {
     FieldSlope to;
@@ -113,14 +125,10 @@ FieldSlope Field::slopeTo(const Part& part, Vec3 p_m, bool exact) noexcept {
         exact ? exactDistanceToEllipsoid(part, p_m, &to.slope) : distanceToEllipsoid(part, p_m, &to.slope);
     return to;
   }
-  const double distance_m = distanceTo(part, p_m);
-  if (part.kind == Kind::kHalfSpace) return {distance_m, part.b};
-  const Vec3 from_a = p_m - part.a;
-  const double along = dot(from_a, part.b) * part.inverse;
-  const Vec3 off = from_a - part.b * std::min(std::max(along, 0.0), 1.0);
-  const double length_m = norm(off);
-  const Vec3 out = length_m > 0 ? off / length_m : Vec3{};
-  return {distance_m, along > 0 && along < 1 ? out - part.b * (part.growth_m * part.inverse) : out};
+  if (part.kind == Kind::kHalfSpace) return {distanceTo(part, p_m), part.b};
+  FieldSlope to;
+  static_cast<void>(capsuleBelow(part, p_m, kInfinity, to));
+  return to;
 }
 
 FieldPoint Field::judge(const Distances& distances, GroupMask far, GroupMask deep) const noexcept {

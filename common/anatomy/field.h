@@ -231,6 +231,8 @@ class Field {
   static void join(const Part& part, Vec3 p_m, Distances& distances) noexcept;
   void distancesAt(Vec3 p_m, Distances& distances) const noexcept;
   [[nodiscard]] static FieldSlope slopeTo(const Part& part, Vec3 p_m, bool exact = false) noexcept;
+  /// Whether the distance from a capsule is no more than a bound; if so, with its slope.
+  static bool capsuleBelow(const Part& part, Vec3 p_m, double bound_m, FieldSlope& to) noexcept;
   /// structuresDistance from the groups' distances, or from these with their slopes.
   template <class Number>
   [[nodiscard]] Number joined(StructureMask mask,

@@ -36,20 +36,10 @@ Field::Piece Field::piece(StructureMask mask) const noexcept {
 
 // A part's exact distance with its slope, if that may be below a bound.
 inline bool Field::Piece::slopeBelow(const Part& part, Vec3 p_m, double bound_m, FieldSlope& to) noexcept {
-  if (part.kind != Kind::kCapsule) {
-    if (part.kind == Kind::kEllipsoid && bound_m < kInfinity && leastToEllipsoid(part, p_m) > bound_m)
-      return false;
-    to = slopeTo(part, p_m, true);
-    return true;
-  }
-  const Vec3 from_a = p_m - part.a;
-  const double free = dot(from_a, part.b) * part.inverse, along = std::min(std::max(free, 0.0), 1.0);
-  const Vec3 off = from_a - part.b * along;
-  const double length_m = norm(off);
-  to.distance_m = length_m - (part.radius_m + part.growth_m * along);
-  if (to.distance_m > bound_m) return false;
-  to.slope = length_m > 0 ? off / length_m : Vec3{};
-  if (free > 0 && free < 1) to.slope = to.slope - part.b * (part.growth_m * part.inverse);
+  if (part.kind == Kind::kCapsule) return capsuleBelow(part, p_m, bound_m, to);
+  if (part.kind == Kind::kEllipsoid && bound_m < kInfinity && leastToEllipsoid(part, p_m) > bound_m)
+    return false;
+  to = slopeTo(part, p_m, true);
   return true;
 }
 

@@ -208,6 +208,8 @@ HandPlan targetPlan(const Limb& limb_W, Vec3 target_W_m, const PlanStyle& style,
   return insertionPlan(target_W_m + n * depth, -n, depth, style);
 }
 
+namespace {
+
 // How deep the tip is where the ball, straight in from a place on the skin, pushes back with a force; at most
 // 30 mm.
 double depthOfPress(const SceneSpec& scene_W, Vec3 at_W_m, Vec3 out_W, double press_N) {
@@ -229,6 +231,8 @@ double depthOfPress(const SceneSpec& scene_W, Vec3 at_W_m, Vec3 out_W, double pr
     pressed_m += kStep_m;
   return pressed_m - radius_m;
 }
+
+}  // namespace
 
 HandPlan palpationPlan(const SceneSpec& scene_W, Vec3 landmark_W_m, double speed_mps) {
   constexpr double kHover_m = 0.012, kAside_m = 0.015, kPress_N = 2.4, kLeast_m = 5e-4;

@@ -9,6 +9,7 @@
 #include "common/haptics/body/bones_in_body.h"
 #include "common/haptics/effects/trajectory.h"
 #include "common/haptics/surface.h"
+#include "common/haptics/touch/palpation.h"
 
 namespace needlelab {
 namespace {
@@ -56,20 +57,22 @@ void takeLayers(const LayerStack& marched, double from_m, double slant, double a
   if (marched.end == StackEnd::kExit && path.count > 0) add(kOutside, marched.end_m);
 }
 
+// The skin and the bones about a capped tip; the layers do not count.
+bool findCapped(const Placed& body, const PathAsk& ask, const SceneSpec& spec, PathLayers& path) {
+  path.point_W_m = nearestSkin(spec.limb, ask.point_W_m, ask.axis_W);
+  path.normal_W = body.normal(path.point_W_m);
+  if (path.normal_W == Vec3{} || !isFinite(path.normal_W) || !isFinite(path.point_W_m)) return false;
+  StructureIndex tissue = 0;
+  while (spec.layers[tissue].is_bone && tissue + 1u < spec.layers.size()) ++tissue;
+  path.layers[path.count++] = {tissue, 0};
+  return true;
+}
+
 bool findOutside(const Placed& body, const PathAsk& ask, const SceneSpec& spec, PathLayers& path) {
   const Vec3 at_W_m = nearestSkin(spec.limb, ask.p_tip_W_m, ask.axis_W), normal_W = body.normal(at_W_m);
-  const bool has_skin = normal_W != Vec3{} && isFinite(normal_W) && isFinite(at_W_m);
+  if (normal_W == Vec3{} || !isFinite(normal_W) || !isFinite(at_W_m)) return false;
   path.point_W_m = at_W_m;
   path.normal_W = normal_W;
-  if (ask.capped) {
-    path.point_W_m = ask.point_W_m;
-    if (!has_skin) path.normal_W = ask.axis_W * -1.0;
-    StructureIndex tissue = 0;
-    while (spec.layers[tissue].is_bone && tissue + 1u < spec.layers.size()) ++tissue;
-    path.layers[path.count++] = {tissue, 0};
-    return true;
-  }
-  if (!has_skin) return false;
   const Vec3 axis_W = entryDirection(ask.axis_W, normal_W);
   const double reach_m = std::min(1.0, kReach * spec.needle_length_m);
   takeLayers(body.layers(at_W_m, axis_W, reach_m, sliver_m(spec)), 0, -dot(normal_W, axis_W), 0, path);
@@ -128,8 +131,8 @@ bool findPath(const SceneModel& body, const PathAsk& ask, PathLayers& path) noex
   path = {};
   path.ball_W_m = ask.p_tip_W_m;
   path.ball_radius_m = ask.ball_radius_m;
-  return ask.insertion == 0 ? findOutside(placed, ask, *body.body_spec, path)
-                            : findInside(placed, ask, *body.body_spec, path);
+  const auto find = ask.capped ? findCapped : ask.insertion == 0 ? findOutside : findInside;
+  return find(placed, ask, *body.body_spec, path);
 }
 
 std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers& path) {
@@ -187,9 +190,11 @@ std::unique_ptr<PathStack> compilePath(const SceneModel& body, const PathLayers&
   const Pose X_LW = inverse(limb.X_WL);
   const Vec3 ball_L_m = X_LW * path.ball_W_m;
   if (has_bone) made->model.bones = {limb.body->bonesIn(ball_L_m, path.ball_radius_m), limb.X_WL, X_LW};
-  if (body.isLive(Effect::kPalpation))
+  if (body.isLive(Effect::kPalpation)) {
+    const Vec3 rest_W_m = path.point_W_m + path.normal_W * capRadius_m(body);
     made->model.around = {limb.body->around(ball_L_m, path.ball_radius_m),
-                          limb.body->around(X_LW * path.point_W_m, path.ball_radius_m), limb.X_WL, X_LW};
+                          limb.body->around(X_LW * rest_W_m, path.ball_radius_m), limb.X_WL, X_LW};
+  }
   if (has_bone) useBones(made->model);
   return made;
 }

@@ -14,7 +14,7 @@ namespace needlelab {
 
 /// A path as plain values, in W. Depths are along the normal, below the plane.
 struct PathLayers {
-  Vec3 point_W_m;  ///< on the skin, or with the cap on where the ball is on it …
+  Vec3 point_W_m;  ///< on the skin …
   Vec3 normal_W;   ///< … with its unit normal out of the body
   /// From the skin inwards, tops ascending from 0, those of bones among them. The last may be kOutside: the
   /// needle has come out of the body.
@@ -49,8 +49,8 @@ struct PathAsk {
   /// 0: the needle is outside, and the path begins at the skin nearest to `p_tip_W_m`. Otherwise the number
   /// of the insertion, and the path follows its line.
   std::uint64_t insertion = 0;
-  /// With the cap on: the path is a piece of the body about `p_tip_W_m`, and about `point_W_m`, where the
-  /// ball is expected on the skin; it has one layer.
+  /// With the cap on: the path is a piece of the body about `p_tip_W_m`, and about the ball on the skin
+  /// nearest to `point_W_m`, where it is expected; it has one layer.
   bool capped = false;
   Vec3 p_tip_W_m;            ///< where the tip is expected when the path is used
   double ball_radius_m = 0;  ///< how far around that bones are asked often

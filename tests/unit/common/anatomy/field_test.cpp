@@ -121,6 +121,20 @@ TEST(FieldClearance, everyPointNearerThanItIsOfTheSameStructure) {
   EXPECT_GT(long_ones, 4'000) << "a clearance of nothing would prove nothing";
 }
 
+/// Whether a slope is that of a distance, by differences along the axes; counts those across a ridge.
+template <class Distance>
+void expectSlope(const Distance& distance, Vec3 p_m, const FieldSlope& found, std::size_t& ridges) {
+  for (const Vec3 axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
+    constexpr double kStep_m = 1e-5;  // an ellipsoid is right within half a nanometre
+    const double ahead = (distance(p_m + axis * kStep_m) - found.distance_m) / kStep_m,
+                 behind = (found.distance_m - distance(p_m - axis * kStep_m)) / kStep_m;
+    if (std::fabs(ahead - behind) > 2e-2)
+      ++ridges;
+    else
+      ASSERT_NEAR(dot(found.slope, axis), 0.5 * (ahead + behind), 1e-3 + 0.5 * std::fabs(ahead - behind));
+  }
+}
+
 TEST(FieldSlope, isThatOfTheDistanceAndHasItsBits) {
   const Field field = fieldOf(forearm());
   Random random(12);
@@ -131,19 +145,9 @@ TEST(FieldSlope, isThatOfTheDistanceAndHasItsBits) {
     const Field::InBall near = field.inBall(p_m, 0.02);
     const FieldSlope found = near.slope(mask, p_m);
     ASSERT_EQ(found.distance_m, near.structuresDistance(mask, p_m)) << i;
-    for (const Vec3 axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
-      constexpr double kStep_m = 1e-5;  // an ellipsoid is right within half a nanometre
-      const double ahead = (near.structuresDistance(mask, p_m + axis * kStep_m) - found.distance_m) / kStep_m;
-      const double behind =
-          (found.distance_m - near.structuresDistance(mask, p_m - axis * kStep_m)) / kStep_m;
-      ++compared;
-      if (std::fabs(ahead - behind) > 2e-2) {
-        ++ridges;
-        continue;
-      }
-      ASSERT_NEAR(dot(found.slope, axis), 0.5 * (ahead + behind), 1e-3 + 0.5 * std::fabs(ahead - behind))
-          << i;
-    }
+    compared += 3;
+    expectSlope([&](Vec3 p) { return near.structuresDistance(mask, p); }, p_m, found, ridges);
+    if (HasFatalFailure()) FAIL() << i;
   }
   EXPECT_GT(compared, 10'000u);
   EXPECT_LT(ridges, compared / 100) << "the field is smooth almost everywhere";
@@ -170,15 +174,8 @@ TEST(FieldPiece, isTheWholeFieldsDistanceInItsBall) {
     const bool is_in = here != kOutside && (mask & maskOf(here)) != 0;
     if (std::fabs(found.distance_m) > 1e-9) ASSERT_EQ(found.distance_m < 0, is_in) << i;
     inside += is_in ? 1 : 0;
-    for (const Vec3 axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
-      const double ahead = (whole.at(p_m + axis * 1e-5).distance_m - found.distance_m) / 1e-5,
-                   behind = (found.distance_m - whole.at(p_m - axis * 1e-5).distance_m) / 1e-5;
-      if (std::fabs(ahead - behind) > 2e-2)
-        ++steep;
-      else
-        ASSERT_NEAR(dot(found.slope, axis), 0.5 * (ahead + behind), 1e-3 + 0.5 * std::fabs(ahead - behind))
-            << i;
-    }
+    expectSlope([&](Vec3 p) { return whole.at(p).distance_m; }, p_m, found, steep);
+    if (HasFatalFailure()) FAIL() << i;
   }
   EXPECT_GT(inside, 300u);
   EXPECT_LT(steep, 4'000u * 3 / 50) << "ridges are rare";

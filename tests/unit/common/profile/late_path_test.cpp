@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "tests/support/anatomy/late_paths.h"
 #include "tests/unit/common/profile/patients_in_body.h"
 
 namespace needlelab::patients_in_body::late_path {
@@ -69,22 +70,6 @@ TEST(LatePath, aDiveFeelsTheLayersOfItsOwnLine) {
   }
 }
 
-// Answers each question but the first that many times later.
-class LatePaths final : public PathMaker {
- public:
-  LatePaths(const SceneModel& body, int late) : in_place_(body), late_(late) {}
-  void ask(const PathAsk& ask) noexcept override {
-    in_place_.ask(ask);
-    left_ = asks_++ == 0 ? 0 : late_;
-  }
-  bool take(PathStack*& made) noexcept override { return left_-- <= 0 && in_place_.take(made); }
-  void retire(PathStack* path) noexcept override { in_place_.retire(path); }
-
- private:
-  PathsInPlace in_place_;
-  int late_, left_ = 0, asks_ = 0;
-};
-
 // At 500 mm/s, after a turn, and where a path comes 20 ms late: a layer that was passed unfelt is flagged, as
 // are the ticks that kept a path. Control: in time, at 50 mm/s alone, no tick has a flag.
 TEST(LatePath, whatAQuickDivePassesUnfeltIsFlagged) {
@@ -92,7 +77,7 @@ TEST(LatePath, whatAQuickDivePassesUnfeltIsFlagged) {
   for (const Patient& patient : patients()) {
     const Plan plan = planOf(patient);
     for (const int late : {0, 4}) {
-      LatePaths paths(*patient.model, late);
+      test::LatePaths paths(*patient.model, [late](int ask, const PathAsk&) { return ask == 0 ? 0 : late; });
       Needle needle(*patient.model, &paths);
       std::uint32_t flags = 0;
       std::set<int> felt_layers;

@@ -12,6 +12,7 @@
 
 #include "common/haptics/body/path_stack.h"
 #include "common/haptics/surface.h"
+#include "tests/support/anatomy/late_paths.h"
 #include "tests/unit/common/profile/patients_in_body.h"
 
 namespace needlelab::test {
@@ -237,22 +238,6 @@ class WholeBody final : public PathMaker {
   PathAsk ask_;
 };
 
-/// Makes each path, but has it ready only after some asks of the engine.
-class LatePaths final : public PathMaker {
- public:
-  LatePaths(const SceneModel& body, int late) : paths_(body), late_(late) {}
-  void ask(const PathAsk& ask) noexcept override {
-    paths_.ask(ask);
-    waits_ = asks_++ % 7 == 3 ? late_ : 0;
-  }
-  bool take(PathStack*& made) noexcept override { return waits_-- <= 0 && paths_.take(made); }
-  void retire(PathStack* path) noexcept override { paths_.retire(path); }
-
- private:
-  PathsInPlace paths_;
-  int late_, waits_ = 0, asks_ = 0;
-};
-
 // A piece that is exact has the bits of the whole: a new one changes no force, and a recording needs none.
 TEST(PalpationPatients, aNewPieceOfTheBodyChangesNoForce) {
   for (const Patient& patient : patients()) {
@@ -261,7 +246,7 @@ TEST(PalpationPatients, aNewPieceOfTheBodyChangesNoForce) {
     const double phase[] = {random.in(0, 6), random.in(0, 6), random.in(0, 6)};
     const Place place = placeOn(patient, {0, 0, 0.002}, 0.001);
     WholeBody whole(*patient.model);
-    LatePaths late(*patient.model, 1);
+    LatePaths late(*patient.model, [](int ask, const PathAsk&) { return ask % 7 == 3 ? 1 : 0; });
     CappedTip one(*patient.model), other(*patient.model, &whole), third(*patient.model, &late);
     int pieces = 0, kept = 0;
     for (int k = 0; k <= 5000; ++k) {

@@ -12,6 +12,7 @@
 #include "common/anatomy/march.h"
 #include "common/haptics/models/like_for_like.h"
 #include "tests/support/anatomy/bodies.h"
+#include "tests/support/anatomy/late_paths.h"
 #include "tests/support/realtime/no_alloc.h"
 #include "tests/support/reference/reference_engine.h"
 #include "tests/unit/common/haptics/runs.h"
@@ -132,25 +133,9 @@ TEST(BodyEngine, usesAPathFiveMillisecondsAfterItWasAsked) {
   for (std::size_t i = 2; i < used.size(); ++i) EXPECT_GE(used[i] - used[i - 1], kPathWait);
 }
 
-/// Answers late: not before the given number of questions of `take`.
-class LatePaths final : public PathMaker {
- public:
-  LatePaths(const SceneModel& body, int late) : in_place_(body), late_(late) {}
-  void ask(const PathAsk& ask) noexcept override {
-    in_place_.ask(ask);
-    left_ = ask.insertion == 0 && asks_++ == 0 ? 0 : late_;
-  }
-  bool take(PathStack*& made) noexcept override { return left_-- <= 0 && in_place_.take(made); }
-  void retire(PathStack* path) noexcept override { in_place_.retire(path); }
-
- private:
-  PathsInPlace in_place_;
-  int late_, left_ = 0, asks_ = 0;
-};
-
 TEST(BodyEngine, keepsItsPathWhileTheNextIsLateAndSaysSo) {
   const auto model = std::make_unique<SceneModel>(compiled(sceneIn(arm()), kRate_hz));
-  LatePaths late(*model, 2);
+  LatePaths late(*model, [](int ask, const PathAsk&) { return ask == 0 ? 0 : 2; });
   SceneEngine engine(*model, &late);
   Motion motion{{{0, 0, 0.02}, leaning(0)}};
   hold(motion, 30);
@@ -170,7 +155,7 @@ TEST(BodyEngine, keepsItsPathWhileTheNextIsLateAndSaysSo) {
 
 TEST(BodyEngine, followsAStationsLatePathsFromItsTicks) {
   const auto model = std::make_unique<SceneModel>(compiled(sceneIn(arm()), kRate_hz));
-  LatePaths late(*model, 1);
+  LatePaths late(*model, [](int ask, const PathAsk&) { return ask == 0 ? 0 : 1; });
   SceneEngine station(*model, &late), follower(*model);
   Motion motion = insertion({0, 0.012, -0.001}, 0.3, 0.03, 0.04);
   StepReport report, followed;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <utility>
@@ -12,6 +13,7 @@
 
 #include "common/haptics/body/body_engine.h"
 #include "common/haptics/effects/effect_entry.h"
+#include "common/haptics/soft_tissue.h"
 #include "tests/support/anatomy/bodies.h"
 #include "tests/support/realtime/no_alloc.h"
 #include "tests/unit/common/haptics/runs.h"
@@ -256,6 +258,57 @@ TEST(Palpation, aCapComesOffOnlyClearOfTheSkin) {
   EXPECT_FALSE(hand.engine().isCapped()) << "in tissue the cap does not go on";
   hand.to({0, 0, 0.01}, 0.02).rest(2);
   EXPECT_TRUE(hand.engine().isCapped());
+}
+
+// Its derivatives by differences, also across x = 1 and without bone.
+TEST(SoftTissue, forceAndPushAreTheSlopesOfItsEnergy) {
+  const SoftTissue tissue{105, 300};
+  constexpr double kStep_m = 1e-6;
+  for (const double cover_m : {0.0005, 0.004, 0.015, 1.0})
+    for (double stretch_m = 0.0003; stretch_m < 0.02; stretch_m += 0.00031) {
+      const auto now = tissue.at(stretch_m, cover_m);
+      const auto energy_J = [&](double s, double t) { return tissue.at(s, t).energy_J; };
+      EXPECT_NEAR((energy_J(stretch_m + kStep_m, cover_m) - energy_J(stretch_m - kStep_m, cover_m)) / 2e-6,
+                  now.force_N, 1e-6);
+      EXPECT_NEAR((energy_J(stretch_m, cover_m + kStep_m) - energy_J(stretch_m, cover_m - kStep_m)) / 2e-6,
+                  now.per_cover_N, 1e-6);
+      EXPECT_NEAR((tissue.at(stretch_m, cover_m + kStep_m).per_cover_N -
+                   tissue.at(stretch_m, cover_m - kStep_m).per_cover_N) /
+                      2e-6,
+                  now.bend_N_per_m, std::fabs(stretch_m - cover_m) < 1e-5 ? 300 : 1);
+    }
+  EXPECT_NEAR(tissue.at(0.01, 0.01).force_N, 0.01 * (105 + 300 / 5.0), 1e-12) << "where bone is met";
+  EXPECT_NEAR(tissue.at(0.01, std::numeric_limits<double>::infinity()).force_N, 1.05, 1e-12);
+}
+
+// The work of a press is what the springs are said to hold, and stiffening adds to it.
+TEST(Palpation, thePressesWorkIsHeld) {
+  SceneSpec scene = palpable(sceneIn(finger()));
+  scene.stage_numbers[stageOf(Effect::kPalpation)][kPalpationStiffening] = 0.5;
+  DownHand hand(scene, {0, 0, 0.01});
+  hand.to({0, 0, -0.009}, 0.02);
+  const CappedRun& run = hand.run();
+  double work_J = 0;
+  for (std::size_t i = 1; i < run.tips.size(); ++i)
+    work_J += 0.5 * (run.force(i).z + run.force(i - 1).z) * (run.tips[i - 1].z - run.tips[i].z);
+  const double held_J = heldEnergy_J(hand.engine().model(), hand.engine().state(), run.reports.back());
+  EXPECT_NEAR(held_J, work_J, 1e-5);
+  EXPECT_GT(held_J, 0.5 * kSkin_N_per_m * 0.012 * 0.012);
+}
+
+// Until the needle's first path comes, the plane of the last piece tells how far the tip is off the skin.
+TEST(Palpation, aNeedleWhoseCapCameOffKnowsHowFarTheSkinIs) {
+  DownHand hand(palpable(sceneIn(finger())), {0, 0, 0.03});
+  hand.to({0, 0, -0.004}, 0.02).to({0, 0, 0.02}, 0.05).cap(false).rest(60);
+  const CappedRun& run = hand.run();
+  std::size_t off = 0;
+  for (std::size_t i = 400; i < run.reports.size(); ++i) {
+    if ((run.reports[i].flags & kFlagCapped) != 0) continue;
+    ++off;
+    EXPECT_NEAR(run.reports[i].depth_m, -0.02, 2e-4) << off;
+    EXPECT_EQ(run.reports[i].flags & kFlagStartedInside, 0u) << off;
+  }
+  EXPECT_GE(off, 60u);
 }
 
 // Two fingers side by side, their skins blended over 8 mm: its field is no distance beside the valley.

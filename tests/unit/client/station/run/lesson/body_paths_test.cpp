@@ -16,6 +16,7 @@
 #include "common/haptics/body/body_engine.h"
 #include "common/haptics/body/path_snapshot.h"
 #include "tests/support/anatomy/bodies.h"
+#include "tests/support/anatomy/late_paths.h"
 #include "tests/support/scenes/motions.h"
 #include "tests/support/scenes/stored_sample.h"
 #include "tests/support/temp_folder.h"
@@ -46,25 +47,6 @@ Motion armMotion() {
   }
   return joined(motion, randomGesture(5, 1000, defaultSite()));
 }
-
-/// A station's PathMaker: every third path is not there when it is due.
-class LatePaths final : public PathMaker {
- public:
-  explicit LatePaths(const SceneModel& body) : in_place_(body) {}
-  void ask(const PathAsk& ask) noexcept override {
-    in_place_.ask(ask);
-    late_ = ++asked_ % 3 == 0;
-  }
-  bool take(PathStack*& made) noexcept override {
-    return !std::exchange(late_, false) && in_place_.take(made);
-  }
-  void retire(PathStack* path) noexcept override { in_place_.retire(path); }
-
- private:
-  PathsInPlace in_place_;
-  int asked_ = 0;
-  bool late_ = false;
-};
 
 std::vector<std::uint64_t> bitsOf(const StepReport& r) {
   std::vector<std::uint64_t> bits = {r.flags, static_cast<std::uint64_t>(r.layer),
@@ -106,7 +88,7 @@ class BodyPaths : public testing::Test {
       recorded_.pieces.emplace_back(*piece.samples, follower.pathsDue());
     };
     SpoolWriter writer(*ring, session, {.time = &time, .threads = false}, std::move(callbacks));
-    LatePaths paths(*model_);
+    LatePaths paths(*model_, [](int ask, const PathAsk&) { return ask % 3 == 2 ? 1 : 0; });
     SceneEngine engine(*model_, &paths);
     std::uint64_t tick = 0;
     for (const TipSample& tip : armMotion()) {
