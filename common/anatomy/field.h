@@ -127,21 +127,19 @@ class Field {
 
    private:
     friend class Field;
-    // a bound of a rule's range: negative within it
+    // a bound of a rule's range
     struct Bound {
-      double at_m;
-      std::uint8_t group;
+      std::uint8_t rule, range, group;
       bool is_upper;
-      [[nodiscard]] double operator()(double distance_m) const {
-        return is_upper ? distance_m - at_m : at_m - distance_m;
-      }
     };
     struct RuleBounds {
       std::uint16_t begin, end;
       bool is_asked;  // of a structure that is asked for; others take points from later rules
     };
     static constexpr std::size_t kMostBounds = 2 * kMaxFieldRules * (1 + kMaxRuleClips);
-    void add(const Rule& rule, bool is_asked) noexcept;
+    void add(std::size_t rule, bool is_asked) noexcept;
+    /// How far a distance is beyond a bound: negative within the range.
+    [[nodiscard]] double beyond(const Bound& bound, double distance_m) const noexcept;
     static bool slopeBelow(const Part& part, Vec3 p_m, double bound_m, FieldSlope& to) noexcept;
     static double leastToEllipsoid(const Part& part, Vec3 p_m) noexcept;
     const Field* field_ = nullptr;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <new>
 #include <utility>
 
 #include "common/anatomy/march.h"
@@ -95,6 +96,11 @@ class FieldSurroundings final : public Surroundings {
     if (!has_bones_) return {std::numeric_limits<double>::infinity(), {}};
     const FieldSlope at = bones_.at(p_m);
     return {at.distance_m, at.slope};
+  }
+  [[nodiscard]] const Surroundings& within(Vec3 center_m, double radius_m,
+                                           Room& room) const noexcept override {
+    static_assert(sizeof(FieldSurroundings) <= sizeof(Room));
+    return *new (room.bytes.data()) FieldSurroundings(skin_, bones_, has_bones_, center_m, radius_m);
   }
 
  private:

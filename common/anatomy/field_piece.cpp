@@ -7,12 +7,20 @@
 
 namespace needlelab {
 
-void Field::Piece::add(const Rule& rule, bool is_asked) noexcept {
+double Field::Piece::beyond(const Bound& bound, double distance_m) const noexcept {
+  const Range& range = field_->rules_[bound.rule].ranges[bound.range];
+  return bound.is_upper ? distance_m - range.to_m : range.from_m - distance_m;
+}
+
+void Field::Piece::add(std::size_t rule, bool is_asked) noexcept {
   const auto begin = static_cast<std::uint16_t>(bound_count_);
-  for (std::size_t i = 0; i < rule.count; ++i) {
-    const Range& range = rule.ranges[i];
-    if (std::isfinite(range.from_m)) bounds_[bound_count_++] = {range.from_m, range.group, false};
-    if (std::isfinite(range.to_m)) bounds_[bound_count_++] = {range.to_m, range.group, true};
+  for (std::size_t i = 0; rule < field_->rules_.size() && i < field_->rules_[rule].count; ++i) {
+    const Range& range = field_->rules_[rule].ranges[i];
+    const auto bound = [&](bool is_upper) {
+      return Bound{static_cast<std::uint8_t>(rule), static_cast<std::uint8_t>(i), range.group, is_upper};
+    };
+    if (std::isfinite(range.from_m)) bounds_[bound_count_++] = bound(false);
+    if (std::isfinite(range.to_m)) bounds_[bound_count_++] = bound(true);
   }
   rules_[rule_count_++] = {begin, static_cast<std::uint16_t>(bound_count_), is_asked};
 }
@@ -22,13 +30,14 @@ Field::Piece Field::piece(StructureMask mask) const noexcept {
   all.field_ = this;
   GroupMask groups = GroupMask{1} << skin_;
   const bool whole = isWhole(mask), with_rest = (mask >> rest_ & 1u) != 0;
-  for (const Rule& rule : rules_) {
-    if (whole || (!with_rest && (rule.from_here & mask) == 0)) break;
-    all.add(rule, (mask >> rule.structure & 1u) != 0);
+  for (std::size_t k = 0; k < rules_.size() && !whole; ++k) {
+    const Rule& rule = rules_[k];
+    if (!with_rest && (rule.from_here & mask) == 0) break;
+    all.add(k, (mask >> rule.structure & 1u) != 0);
     for (std::size_t i = 0; i < rule.count; ++i) groups |= GroupMask{1} << rule.ranges[i].group;
   }
   // what no rule takes: a rule without bounds holds everywhere
-  if (whole || with_rest) all.add(Rule{}, true);
+  if (whole || with_rest) all.add(rules_.size(), true);
   for (std::size_t i = 0; i < parts_.size(); ++i)
     if ((groups >> parts_[i].group & 1u) != 0) all.parts_[all.part_count_++] = static_cast<std::uint16_t>(i);
   return all;
@@ -75,7 +84,7 @@ FieldSlope Field::Piece::at(Vec3 p_m) const noexcept {
     double rule_m = -kInfinity;
     const Bound* decides = nullptr;
     for (std::size_t k = rule.begin; k < rule.end; ++k) {
-      const double bound_m = bounds_[k](distances[bounds_[k].group].value_m);
+      const double bound_m = beyond(bounds_[k], distances[bounds_[k].group].value_m);
       if (decides == nullptr || bound_m > rule_m) rule_m = bound_m, decides = &bounds_[k];
     }
     const auto slope = [&](bool into) {
@@ -124,7 +133,7 @@ Field::Piece Field::Piece::within(Vec3 center_m, double radius_m) const noexcept
   for (std::size_t i = 0; i < rule_count_; ++i) {
     rule_m[i] = -kInfinity;
     for (std::size_t k = rules_[i].begin; k < rules_[i].end; ++k)
-      rule_m[i] = std::max(rule_m[i], bounds_[k](distances[bounds_[k].group]));
+      rule_m[i] = std::max(rule_m[i], beyond(bounds_[k], distances[bounds_[k].group]));
     if (rules_[i].is_asked) {
       says_m[i] = std::max(rule_m[i], outside_others_m);
       nearest_m = std::min(nearest_m, says_m[i]);
@@ -148,7 +157,7 @@ Field::Piece Field::Piece::within(Vec3 center_m, double radius_m) const noexcept
     const auto begin = static_cast<std::uint16_t>(left.bound_count_);
     const double decides_m = (rules_[i].is_asked ? says_m[i] : rule_m[i]) - apart_m;
     for (std::size_t k = rules_[i].begin; k < rules_[i].end; ++k) {
-      if (bounds_[k](distances[bounds_[k].group]) < decides_m) continue;
+      if (beyond(bounds_[k], distances[bounds_[k].group]) < decides_m) continue;
       groups |= GroupMask{1} << bounds_[k].group;
       left.bounds_[left.bound_count_++] = bounds_[k];
     }

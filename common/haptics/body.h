@@ -72,6 +72,13 @@ class Surroundings {
   [[nodiscard]] virtual DistanceAt skin(Vec3 p_m) const noexcept = 0;
   /// Infinite where there is no bone; at most kMostSteep times the distance.
   [[nodiscard]] virtual DistanceAt bone(Vec3 p_m) const noexcept = 0;
+  /// Where `within` makes one.
+  struct Room {
+    alignas(std::max_align_t) std::array<std::byte, 8192> bytes;
+  };
+  /// The same in a ball within this one's, made in `room`: it lives as long, and no longer than this.
+  [[nodiscard]] virtual const Surroundings& within(Vec3 center_m, double radius_m,
+                                                   Room& room) const noexcept = 0;
 };
 
 /// A distance of a body changes by at most this per length: √(1 + ½²) (common/anatomy/field.cpp).

@@ -95,14 +95,8 @@ struct PlacedSurroundings {
   std::shared_ptr<const Surroundings> tip, rest;
   Pose X_WL, X_LW;
 
-  [[nodiscard]] DistanceAt skin(const Surroundings& piece, Vec3 p_W_m) const noexcept {
-    return placed(piece.skin(X_LW * p_W_m));
-  }
-  [[nodiscard]] DistanceAt bone(const Surroundings& piece, Vec3 p_W_m) const noexcept {
-    return placed(piece.bone(X_LW * p_W_m));
-  }
-
- private:
+  [[nodiscard]] DistanceAt skinAtTip(Vec3 p_W_m) const noexcept { return placed(tip->skin(X_LW * p_W_m)); }
+  /// Turned from L to W.
   [[nodiscard]] DistanceAt placed(DistanceAt at) const noexcept {
     return {at.distance_m, rotate(X_WL.q, at.slope)};
   }

@@ -18,6 +18,7 @@
 #include "common/haptics/state_hash.h"
 #include "common/haptics/surface.h"
 #include "common/haptics/tick.h"
+#include "common/haptics/touch/nearby.h"
 #include "common/haptics/touch/on_bones.h"
 
 namespace needlelab {
@@ -28,6 +29,8 @@ using namespace proxy_contact;
 constexpr std::size_t kPalpationOwn = stageOf(Effect::kPalpation);
 /// Contact may begin so many of Newton's steps from the skin.
 constexpr int kMostToSkin = 8;
+/// A tick asks mostly so near to a proxy, farther by the tip's way.
+constexpr double kNear_m = 5e-4;
 /// A shorter slip on the skin, less than a tenth of a millinewton, waits for the next tick.
 constexpr double kWaits_m = 1e-7;
 /// Among the numbers for the tick, in shells: the depth of the outermost bone, infinite if there is none; and
@@ -134,22 +137,24 @@ struct UnderBall {
   const PlacedSurroundings& around;
   double radius_m;
 
+  const Nearby* rest = nullptr;  // about the proxy on the skin
+
   [[nodiscard]] bool known() const {
     return around.tip != nullptr || !std::holds_alternative<BodyLimb>(scene.limb);
   }
   // of a place, not of a ball
   [[nodiscard]] DistanceAt skinAtTip(Vec3 tip_W_m, Vec3 motion) const {
-    return around.tip != nullptr ? around.skin(*around.tip, tip_W_m) : skin(tip_W_m, motion);
+    return around.tip != nullptr ? around.skinAtTip(tip_W_m) : skin(tip_W_m, motion);
   }
   [[nodiscard]] DistanceAt skin(Vec3 p_W_m, Vec3 motion) const {
-    if (around.rest != nullptr) return around.skin(*around.rest, p_W_m);
+    if (rest != nullptr) return rest->skin(p_W_m);
     return {-signedDepth(scene.limb, p_W_m), surfaceNormal(scene.limb, p_W_m, motion)};
   }
   // how far a ball there is from bone
   [[nodiscard]] DistanceAt cover(Vec3 p_W_m, Vec3 motion) const {
     DistanceAt cover{std::numeric_limits<double>::infinity(), {}};
-    if (around.rest != nullptr) {
-      cover = around.bone(*around.rest, p_W_m);
+    if (rest != nullptr) {
+      cover = rest->bone(p_W_m);
       cover.distance_m -= radius_m;
     } else if (const auto plane = boneOfShells(scene, p_W_m, motion)) {
       cover = {-plane->depth(p_W_m), plane->normal_W};
@@ -252,14 +257,14 @@ void touch(const Surface& surface, double most_m, Vec3 tip_W_m, Vec3 motion, Pro
 
 // the bones of a body's piece, with the last answer
 struct BonesAround {
-  explicit BonesAround(const PlacedSurroundings& piece) : around(piece) {}
-  const PlacedSurroundings& around;
+  explicit BonesAround(const Nearby& piece) : near(piece) {}
+  const Nearby& near;
   mutable Vec3 last_W_m{std::numeric_limits<double>::infinity(), 0, 0};
   mutable DistanceAt said;
   [[nodiscard]] const DistanceAt& at(Vec3 p_W_m) const {
     if (p_W_m == last_W_m) return said;
     last_W_m = p_W_m;
-    return said = around.bone(*around.tip, p_W_m);
+    return said = near.bone(p_W_m);
   }
   [[nodiscard]] double distance(Vec3 p_W_m) const { return at(p_W_m).distance_m; }
   [[nodiscard]] Vec3 slope(Vec3 p_W_m) const { return at(p_W_m).slope; }
@@ -284,7 +289,9 @@ Vec3 touchBones(const UnderBall& under, bool off_skin, Vec3 tip_W_m, Vec3 motion
     release(tip_W_m, most_m, bone);  // also a proxy that is behind a bone
   } else if (under.around.tip != nullptr) {
     if (!bone.touching && bone_m > 0.0) return {};
-    touch(BallOnBones{{BonesAround(under.around), under.radius_m}}, most_m, tip_W_m, motion, bone);
+    const Nearby near(under.around, *under.around.tip, bone.touching ? bone.p_proxy_W_m : tip_W_m,
+                      kNear_m + norm(motion));
+    touch(BallOnBones{{BonesAround(near), under.radius_m}}, most_m, tip_W_m, motion, bone);
   } else if (const auto plane =
                  boneOfShells(under.scene, bone.touching ? bone.p_proxy_W_m : tip_W_m, motion)) {
     touch(*plane, most_m, tip_W_m, motion, bone);
@@ -337,7 +344,7 @@ void palpate(const SceneModel& scene, const PlacedSurroundings& around, const Ti
   report.stage_N.fill(0.0);
   if (!isFinite(sample)) return clearReport(report, 0.0, kFlagNotStepped | kFlagCapped);
   Palpation& now = state.palpation;
-  const UnderBall under{scene, around, capRadius_m(scene)};
+  UnderBall under{scene, around, capRadius_m(scene)};
   const Vec3 motion = state.has_prev ? sample.p_WT_m - state.p_prev_W_m : Vec3{0, 0, -1} * kOnSurface_m;
   const DistanceAt skin = under.known() ? under.skinAtTip(sample.p_WT_m, motion) : DistanceAt{};
   clearReport(report, -skin.distance_m, kFlagCapped);
@@ -346,6 +353,11 @@ void palpate(const SceneModel& scene, const PlacedSurroundings& around, const Ti
   if (now.clear && under.known()) {
     // outside of the skin there is no bone; a ball off it is not on bone
     double bone_m = skin.distance_m - under.radius_m;
+    std::optional<Nearby> rest;
+    if (around.rest != nullptr && (now.skin.touching || !(bone_m > 0.0)))
+      rest.emplace(around, *around.rest, now.skin.touching ? now.skin.p_proxy_W_m : sample.p_WT_m,
+                   kNear_m + norm(motion));
+    under.rest = rest ? &*rest : nullptr;
     Vec3 force_W_N = touchSkin(under, skin, sample.p_WT_m, motion, now, bone_m);
     force_W_N = force_W_N +
                 touchBones(under, !(skin.distance_m < under.radius_m), sample.p_WT_m, motion, now, bone_m);
