@@ -113,8 +113,8 @@ Field::Piece Field::Piece::within(Vec3 center_m, double radius_m) const noexcept
   Mattering mattering(true);
   for (std::size_t i = part_count_; i-- > 0;) {
     const Part& part = field_->parts_[parts_[i]];
-    const double distance_m = part.kind == Kind::kEllipsoid ? exactDistanceToEllipsoid(part, center_m)
-                                                            : distanceTo(part, center_m);
+    const double distance_m =
+        part.kind == Kind::kEllipsoid ? exactDistanceToEllipsoid(part, center_m) : distanceTo(part, center_m);
     if (!mattering.matters(part, distance_m - changes_m, distance_m + changes_m)) continue;
     part_m[left.part_count_] = distance_m;
     left.parts_[left.part_count_++] = parts_[i];
