@@ -50,7 +50,7 @@ Status checkAids(const std::string& path, const AidList& aids) {
 AidList usualAids() {
   AidList usual;
   for (const int aid : allAids())
-    if (aid != pb::Exercise::ULTRASOUND) usual.Add(aid);
+    if (aid != pb::Exercise::ULTRASOUND && aid != pb::Exercise::STEPS) usual.Add(aid);
   return usual;
 }
 

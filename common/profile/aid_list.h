@@ -19,7 +19,8 @@ using AidList = google::protobuf::RepeatedField<int>;
 /// valid: no aids.
 Status checkAids(const std::string& path, const AidList& aids);
 
-/// The default of an exercise: all aids but ULTRASOUND, which takes time to draw.
+/// The default of an exercise: all aids but ULTRASOUND, which takes time to draw, and STEPS, which lead
+/// through the whole exercise.
 AidList usualAids();
 /// Returns the aids that the exercise allows; the default aids if it lists none.
 AidList aidsOfExercise(const pb::Exercise& exercise);

@@ -352,6 +352,8 @@ std::string_view aidWord(pb::Exercise::Aid aid) {
       return "planned line";
     case pb::Exercise::ALARMS:
       return "alarms";
+    case pb::Exercise::STEPS:
+      return "next step";
     default:
       return "unknown aid";
   }

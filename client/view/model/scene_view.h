@@ -186,9 +186,9 @@ class AidSet {
   std::uint32_t bits_ = 0;
 };
 
-/// All aids except ULTRASOUND, as `usualAids`.
+/// All aids except ULTRASOUND and STEPS, as `usualAids`.
 AidSet usualAidSet();
-/// All aids including ULTRASOUND, for onlookers.
+/// All aids, for onlookers.
 AidSet allAidSet();
 
 /// A name for people: "ultrasound picture". JSON uses pb::Exercise::Aid_Name.

@@ -25,8 +25,9 @@ const kAids = [
   ['ALIGNMENT', 'Distance and tilt from own line, speed'],
   ['PLANNED_LINE', 'Planned entry and line'],
   ['ALARMS', 'Alarms: hazard, bone, force, depth (without: by feel)'],
+  ['STEPS', 'What to do next, with its keys'],
 ];
-const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND');
+const kUsualAids = kAids.map(([aid]) => aid).filter((aid) => aid !== 'ULTRASOUND' && aid !== 'STEPS');
 const kTips = [
   ['', 'not known'],
   ['HYPODERMIC', 'Hypodermic'],
@@ -37,7 +38,7 @@ const kTips = [
 
 function Aids({ f, at }) {
   const aids = f.at(`${at}.aids`);
-  // no list means all aids but the slice, which takes time to draw; in an exam it means none
+  // no list means all aids but the slice, which takes time to draw, and the steps; in an exam it means none
   const usual = f.doc.exam ? [] : kUsualAids;
   const allowed = aids ? (aids.allowed ?? []) : usual;
   const faults = [`${at}.aids`, `${at}.aids.allowed`].filter(f.faultAt);
