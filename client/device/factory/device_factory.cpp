@@ -26,7 +26,7 @@ std::string argumentOf(const std::string& rest) {
 
 MadeDevice makeSimulated(const std::string& /*rest*/, const DeviceOptions& options) {
   const bool steered = options.hand.plan == kPointerPlan && options.steering != nullptr;
-  ASSIGN_OR_RETURN(auto plan, steered ? Result<HandPlan>(steeredStart(options.scene, options.targets))
+  ASSIGN_OR_RETURN(auto plan, steered ? Result<HandPlan>(steeredStart(options.way))
                                       : choosePlan(options.hand, options.scene, options.targets));
   SimulatedDeviceOptions simulated;
   simulated.hand = options.hand;

@@ -21,6 +21,7 @@ struct DeviceOptions {
   Pose X_HT;                                         ///< the tool: the tip in the handle's frame
   HandOptions hand;                                  ///< `--hand-…` (hand_options.h)
   std::shared_ptr<HandSteering> steering = nullptr;  ///< for the plan `pointer`
+  PlannedInsertion way = {};                         ///< where that one starts
 };
 
 /// A kind of device: one row of the table.

@@ -98,6 +98,15 @@ const PlanTarget* targetNamed(const std::vector<PlanTarget>& targets, const std:
   return named == targets.end() ? nullptr : &*named;
 }
 
+// of a plan without a target
+double usualDepth_m(const SceneSpec& scene) {
+  double depth_m = 0;
+  for (const LayerSpec& layer : scene.layers) depth_m += layer.thickness_m;
+  // a body's structures have no thickness
+  if (std::holds_alternative<BodyLimb>(scene.limb)) depth_m = scene.needle_length_m;
+  return std::min(depth_m / 2, 0.8 * scene.needle_length_m);
+}
+
 Result<HandPlan> planByName(const std::string& kind, const std::string& argument, const HandOptions& options,
                             const SceneSpec& scene, const std::vector<PlanTarget>& targets) {
   PlanStyle style;
@@ -111,11 +120,7 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
 
   const bool by_depth = kind == "depth" || (argument.empty() && targets.empty());
   if (by_depth) {
-    double depth = 0;
-    for (const LayerSpec& layer : scene.layers) depth += layer.thickness_m;
-    // a body's structures have no thickness
-    if (std::holds_alternative<BodyLimb>(scene.limb)) depth = scene.needle_length_m;
-    depth = std::min(depth / 2, 0.8 * scene.needle_length_m);
+    double depth = usualDepth_m(scene);
     if (!argument.empty()) {
       const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), depth);
       if (error != std::errc() || end != argument.data() + argument.size() || !(depth > 0 && depth <= 1))
@@ -285,10 +290,7 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   if (caps) {
     const PlanTarget* const target =
         kind == "target" || kind == "retry" ? targetNamed(targets_W, argument) : nullptr;
-    HandPlan before = target != nullptr && target->landmark_W_m
-                          ? palpationPlan(scene_W, *target->landmark_W_m, kFeelingSpeed_mps)
-                          : HandPlan(plan->start().X_WT).pressCapButton(kCapPress_s);
-    plan = before.setPlunger(plan->start().plunger).then(*plan, kFeelingSpeed_mps);
+    plan = withCapTakenOff(*plan, scene_W, target != nullptr ? target->landmark_W_m : std::nullopt);
   }
 
   // a repeated plan must end where it starts, or hand, plunger and cap would jump
@@ -301,14 +303,36 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   return plan;
 }
 
-HandPlan steeredStart(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W) {
-  constexpr double kOutside_m = 0.03, kBeside_m = 0.015;
-  const Vec3 entry = !targets_W.empty() && targets_W.front().entry_W_m ? *targets_W.front().entry_W_m
-                                                                       : referencePoint(scene_W.limb);
-  const Vec3 n = outwardNormal(scene_W.limb, entry);
-  const Vec3 right = std::abs(n.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0};
-  const Vec3 beside = normalized(right - n * dot(right, n));
-  HandPlan plan({entry + n * kOutside_m + beside * kBeside_m, orientationAlong(-n)});
+PlannedInsertion plannedInsertion(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W,
+                                  const std::optional<PlannedLine>& line_W) {
+  const Limb& limb = scene_W.limb;
+  const PlanTarget* const target = targets_W.empty() ? nullptr : &targets_W.front();
+  const Vec3 reference = target != nullptr ? target->center_W_m : referencePoint(limb);
+  const Vec3 n = outwardNormal(limb, reference);
+  PlannedInsertion way{reference, -n, usualDepth_m(scene_W)};
+  if (line_W) {
+    way.entry_W_m = line_W->entry_m;
+    way.direction_W = line_W->direction;
+  } else if (target != nullptr) {
+    way.entry_W_m = target->entry_W_m.value_or(skinAbove(limb, target->center_W_m, n));
+    const Vec3 in = target->center_W_m - way.entry_W_m;
+    if (normSquared(in) > 0) way.direction_W = normalized(in);
+  }
+  if (target == nullptr) return way;
+  way.depth_m = std::max(0.0, dot(target->center_W_m - way.entry_W_m, way.direction_W));
+  way.landmark_W_m = target->landmark_W_m;
+  return way;
+}
+
+HandPlan withCapTakenOff(const HandPlan& plan, const SceneSpec& scene_W,
+                         const std::optional<Vec3>& landmark_W_m) {
+  HandPlan before = landmark_W_m ? palpationPlan(scene_W, *landmark_W_m, kFeelingSpeed_mps)
+                                 : HandPlan(plan.start().X_WT).pressCapButton(kCapPress_s);
+  return before.setPlunger(plan.start().plunger).then(plan, kFeelingSpeed_mps);
+}
+
+HandPlan steeredStart(const PlannedInsertion& way) {
+  HandPlan plan({way.entry_W_m - way.direction_W * kSteeredStart_m, orientationAlong(way.direction_W)});
   plan.plungerAtStart(kPlungerBeforeAspiration);
   return plan;
 }

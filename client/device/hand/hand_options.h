@@ -9,6 +9,7 @@
 #include "client/device/hand/hand_plan.h"
 #include "common/base/result.h"
 #include "common/haptics/scene_spec.h"
+#include "common/profile/planned_line.h"
 
 namespace CLI {
 class App;
@@ -80,8 +81,25 @@ struct PlanTarget {
 Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W,
                             const std::vector<PlanTarget>& targets_W);
 
-/// Returns the start of a steered hand (kPointerPlan): upright, 30 mm outside the marked entry of the first
-/// target, or else the limb's reference point, and 15 mm beside it, because aiming is part of the exercise.
-HandPlan steeredStart(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W);
+/// The way of a needle that goes where it is meant to go, in W.
+struct PlannedInsertion {
+  Vec3 entry_W_m;      ///< on the skin
+  Vec3 direction_W;    ///< unit, into the tissue
+  double depth_m = 0;  ///< of the tip, along the line
+  std::optional<Vec3> landmark_W_m = std::nullopt;
+};
+/// On `line_W`, an exercise's plan with its entry on the skin, to beside the first target. Without a line
+/// from the target's marked entry, or straight in; without targets as the plan `depth`.
+PlannedInsertion plannedInsertion(const SceneSpec& scene_W, const std::vector<PlanTarget>& targets_W,
+                                  const std::optional<PlannedLine>& line_W);
+/// Returns `plan` for a needle that begins with its cap on: first takes it off, after feeling for the
+/// landmark (palpationPlan), if there is one.
+HandPlan withCapTakenOff(const HandPlan& plan, const SceneSpec& scene_W,
+                         const std::optional<Vec3>& landmark_W_m);
+
+/// How far from the skin a steered hand starts, along the needle.
+inline constexpr double kSteeredStart_m = 0.03;
+/// Returns the start of a steered hand (kPointerPlan): on the planned way, tilted as planned.
+HandPlan steeredStart(const PlannedInsertion& way);
 
 }  // namespace needlelab

@@ -9,7 +9,7 @@
 
 #include "client/device/device.h"
 #include "client/device/hand/hand.h"
-#include "client/device/hand/hand_plan.h"
+#include "client/device/hand/hand_options.h"
 #include "client/net/spool/spool_writer.h"
 #include "client/net/uplink/uplink.h"
 #include "client/station/run/lesson/lesson.h"
@@ -31,7 +31,7 @@ struct LessonBeginning {
   DeviceInfo device;
   std::vector<std::string> device_notes;   ///< its limits, and the substitutes for them
   std::shared_ptr<HandSteering> steering;  ///< input of a steered hand; null for other hands
-  HandAim hand_start;                      ///< where the steered hand waits
+  PlannedInsertion way;                    ///< of the needle; a steered hand waits at its start
 };
 
 /// The state of loop and device, 20 times a second.

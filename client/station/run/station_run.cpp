@@ -111,8 +111,10 @@ Status StationRun::waitForExam() {
 Status StationRun::chooseDevice() {
   if (options_.opensWindow() && options_.device == "simulated" && options_.hand.plan == kPointerPlan)
     steering_ = std::make_shared<HandSteering>();
-  DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL), options_.X_HT,
-                               options_.hand, steering_};
+  way_ = insertionOf(lesson_, options_.X_WL);
+  DeviceOptions device_options{lesson_.scene, targetsOf(lesson_.profile, options_.X_WL),
+                               options_.X_HT, options_.hand,
+                               steering_,     way_};
   device_options.hand.capped = !options_.uncapped && lesson_.model.isLive(Effect::kPalpation);
   ASSIGN_OR_RETURN(device_, makeDevice(options_.device, device_options));
   if (options_.rehearse_fault_s) {
@@ -211,8 +213,7 @@ void StationRun::announce() {
   beginning->device = device_->info();
   beginning->device_notes = device_notes_;
   beginning->steering = steering_;
-  if (steering_)
-    beginning->hand_start = steeredStart(lesson_.scene, targetsOf(lesson_.profile, options_.X_WL)).start();
+  beginning->way = way_;
   home_.observer().began(std::move(beginning));
 }
 

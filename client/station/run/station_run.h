@@ -94,6 +94,7 @@ class StationRun {
   GivenCode code_;
   bool code_checked_ = false, code_unchecked_ = false;  // as in FetchedLesson
   std::string person_;                                  // likewise
+  PlannedInsertion way_;                                // of the lesson's needle
   std::shared_ptr<HandSteering> steering_;              // input of the simulated hand steered in the window
   SampleRing ring_;
   StationLesson lesson_;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <fmt/core.h>
+#include <nlohmann/json.hpp>
 
 #include "common/base/text/csv.h"
 
@@ -49,24 +50,34 @@ const char* nameOf(ShownQuestion question) {
 
 }  // namespace
 
-FrameLog::FrameLog(const std::filesystem::path& file) : file_(file), out_(file, std::ios::trunc) {}
+// errno 0: no earlier failure
+Status LineLog::written() const {
+  if (out_) return {};
+  return Error{ErrorCode::kFailed,
+               option_ + " " + file_.string() + " cannot be written" +
+                   (errno == 0 ? std::string() : std::string(": ") + std::strerror(errno))};
+}
 
-Result<FrameLog> FrameLog::open(const std::filesystem::path& file) {
+Result<LineLog> LineLog::open(std::string_view option, const std::filesystem::path& file) {
   errno = 0;
-  FrameLog log(file);
-  RETURN_IF_ERROR(
-      log.write("frame,shown_ns,screen,question,can_begin,lesson,lesson_s,depth_m,plunger,p_WT_x_m,p_WT_y_m,"
-                "p_WT_z_m,aim_WT_x_m,aim_WT_y_m,aim_WT_z_m\n"));
+  LineLog log(option, file);
+  RETURN_IF_ERROR(log.written());
   return log;
 }
 
-// errno 0: no earlier failure
-Status FrameLog::write(const std::string& line) {
-  out_ << line << std::flush;
-  if (out_) return {};
-  return Error{ErrorCode::kFailed,
-               "--frame-log " + file_.string() + " cannot be written" +
-                   (errno == 0 ? std::string() : std::string(": ") + std::strerror(errno))};
+Status LineLog::add(std::string line) {
+  errno = 0;
+  out_ << std::move(line) + '\n' << std::flush;
+  return written();
+}
+
+Result<FrameLog> FrameLog::open(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(auto lines, LineLog::open("--frame-log", file));
+  FrameLog log(std::move(lines));
+  RETURN_IF_ERROR(log.log_.add(
+      "frame,shown_ns,screen,question,can_begin,lesson,lesson_s,depth_m,plunger,p_WT_x_m,p_WT_y_m,"
+      "p_WT_z_m,aim_WT_x_m,aim_WT_y_m,aim_WT_z_m"));
+  return log;
 }
 
 Status FrameLog::add(const ShownFrame& frame, std::int64_t shown_ns) {
@@ -77,8 +88,19 @@ Status FrameLog::add(const ShownFrame& frame, std::int64_t shown_ns) {
     line += ',';
     appendNumber(line, value);
   }
-  errno = 0;
-  return write(line + '\n');
+  return log_.add(std::move(line));
+}
+
+Result<TextLog> TextLog::open(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(auto lines, LineLog::open("--text-log", file));
+  return TextLog(std::move(lines));
+}
+
+Status TextLog::add(const std::vector<std::string>& words) {
+  ++frames_;
+  if (words == last_) return {};
+  last_ = words;
+  return log_.add(nlohmann::json{{"frame", frames_}, {"words", words}}.dump());
 }
 
 }  // namespace needlelab

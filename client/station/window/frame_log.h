@@ -1,5 +1,5 @@
-/// What each frame of the trainee's window showed, as CSV (--frame-log): for an observer outside the window
-/// that waits for a screen or a frame, and for measurements of latency.
+/// What each frame of the trainee's window showed, as CSV (--frame-log), and its words (--text-log): for an
+/// observer outside the window that waits for a screen, a frame or a word, and for measurements of latency.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,8 @@
 #include <fstream>
 #include <limits>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "client/station/window/lessons/lesson_board.h"
 #include "common/base/result.h"
@@ -35,6 +37,25 @@ struct ShownFrame {
   Vec3 aim_WT_m = kNowhere_m;  ///< where mouse and keys want the tip; not-a-number: no steering
 };
 
+/// A file to which lines are added that others can read at once. Thread: the window's.
+class LineLog {
+ public:
+  /// Creates or replaces the file. `option` names it in errors. Errors: kFailed, with the file and the
+  /// reason.
+  static Result<LineLog> open(std::string_view option, const std::filesystem::path& file);
+  /// Errors: as open.
+  Status add(std::string line);
+
+ private:
+  LineLog(std::string_view option, const std::filesystem::path& file)
+      : option_(option), file_(file), out_(file, std::ios::trunc) {}
+  [[nodiscard]] Status written() const;
+
+  std::string option_;
+  std::filesystem::path file_;
+  std::ofstream out_;
+};
+
 /// Thread: the window's.
 class FrameLog {
  public:
@@ -45,12 +66,26 @@ class FrameLog {
   Status add(const ShownFrame& frame, std::int64_t shown_ns);
 
  private:
-  explicit FrameLog(const std::filesystem::path& file);
-  Status write(const std::string& line);
+  explicit FrameLog(LineLog log) : log_(std::move(log)) {}
 
-  std::filesystem::path file_;
-  std::ofstream out_;
+  LineLog log_;
   std::uint64_t frames_ = 0;
+};
+
+/// The words of each frame that has others than the one before, as JSON: {"frame": 7, "words": ["Step 1 of
+/// 3", …]}, in the order of drawing. Thread: the window's.
+class TextLog {
+ public:
+  /// Errors: kFailed, with the file and the reason; for `add`, too.
+  static Result<TextLog> open(const std::filesystem::path& file);
+  Status add(const std::vector<std::string>& words);
+
+ private:
+  explicit TextLog(LineLog log) : log_(std::move(log)) {}
+
+  LineLog log_;
+  std::uint64_t frames_ = 0;
+  std::vector<std::string> last_;
 };
 
 }  // namespace needlelab

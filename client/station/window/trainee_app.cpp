@@ -24,6 +24,7 @@
 #include "client/station/window/frame_log.h"
 #include "client/station/window/lessons/lesson_sequence.h"
 #include "client/station/window/trainee_window.h"
+#include "client/view/drawn_text.h"
 #include "client/view/surface.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
@@ -175,7 +176,7 @@ class FrameLoop {
  public:
   FrameLoop(const StationOptions& options, const sigset_t& signals, bool alone, Surface& surface,
             TraineeWindow& window, LessonBoard& board, LessonThread& lessons,
-            std::optional<FrameLog> frame_log)
+            std::optional<FrameLog> frame_log, std::optional<TextLog> text_log)
       : options_(options),
         signals_(signals),
         alone_(alone),
@@ -184,6 +185,7 @@ class FrameLoop {
         board_(board),
         lessons_(lessons),
         frame_log_(std::move(frame_log)),
+        text_log_(std::move(text_log)),
         plan_(options.window.pictures) {}
 
   /// Returns false if a picture is missing.
@@ -223,8 +225,16 @@ class FrameLoop {
     if (more != less) surface_.setFontScale(surface_.fontScale() + (more ? 0.1 : -0.1));
   }
 
-  // stops the log after the first failure
+  // stops a log after its first failure
   void logFrame() {
+    if (text_log_) {
+      std::vector<std::string> words;
+      for (DrawnLine& line : drawnText()) words.push_back(std::move(line.text));
+      if (const Status added = text_log_->add(words); !added.ok()) {
+        logMessage(added.error().message);
+        text_log_.reset();
+      }
+    }
     if (!frame_log_) return;
     if (const Status added = frame_log_->add(window_.shownFrame(), steadyNowNs()); !added.ok()) {
       logMessage(added.error().message);
@@ -274,6 +284,7 @@ class FrameLoop {
   LessonBoard& board_;
   LessonThread& lessons_;
   std::optional<FrameLog> frame_log_;
+  std::optional<TextLog> text_log_;
   PicturePlan plan_;
   int frames_ = 0;
   double drawn_s_ = 0;
@@ -314,6 +325,12 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
     if (!opened.ok()) return refused(opened.error().message, exitCodeOf(opened.error()));
     frame_log.emplace(std::move(*opened));
   }
+  std::optional<TextLog> text_log;
+  if (!options.window.text_log.empty()) {
+    auto opened = TextLog::open(options.window.text_log);
+    if (!opened.ok()) return refused(opened.error().message, exitCodeOf(opened.error()));
+    text_log.emplace(std::move(*opened));
+  }
 
   const auto core = coreForLoop(options.cpu);
   // llvmpipe's threads keep the core mask of their creation: keep them off the haptic loop's core
@@ -335,9 +352,9 @@ int runTrainee(const StationOptions& given, const sigset_t& stop_signals) {
   {
     LessonThread lessons(sequence, board);
     keep_off.emplace(core);
-    pictures =
-        FrameLoop(options, stop_signals, alone, **surface, **window, board, lessons, std::move(frame_log))
-            .run();
+    pictures = FrameLoop(options, stop_signals, alone, **surface, **window, board, lessons,
+                         std::move(frame_log), std::move(text_log))
+                   .run();
     // close the window at once, because draining may take a while
     window->reset();
     surface->reset();

@@ -105,6 +105,9 @@ void addWindow(CLI::App& app, StationOptions& o, RawOptions& raw) {
   app.add_option("--frame-log", o.window.frame_log,
                  "CSV of what each frame showed: its screen, the lesson's newest sample; for measurements")
       ->type_name("FILE");
+  app.add_option("--text-log", o.window.text_log,
+                 "JSON lines of the words that the window shows, when they change")
+      ->type_name("FILE");
 }
 
 void addDevice(CLI::App& app, StationOptions& o, RawOptions& raw) {
@@ -420,8 +423,10 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
              : raw.tone == "off" ? ToneChoice::kOff
                                  : ToneChoice::kDanger;
   if (!raw.on_fault.empty()) o.on_fault = raw.on_fault == "wait" ? FaultPolicy::kWait : FaultPolicy::kEnd;
-  std::vector<NamedFile> outputs = {
-      {"--json", o.json_file}, {"--out", o.tool_out}, {"--frame-log", o.window.frame_log}};
+  std::vector<NamedFile> outputs = {{"--json", o.json_file},
+                                    {"--out", o.tool_out},
+                                    {"--frame-log", o.window.frame_log},
+                                    {"--text-log", o.window.text_log}};
   for (const std::string& picture : raw.screenshots) outputs.push_back({"--screenshot", picture});
   if (const Status status = checkOutputs({{"--profile", o.profile_file},
                                           {"--code-file", o.code_file},

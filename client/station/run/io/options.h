@@ -49,6 +49,7 @@ struct WindowOptions {
   int width_px = 1280, height_px = 720;
   bool size_given = false;          ///< --window was given; otherwise the last size
   std::filesystem::path frame_log;  ///< --frame-log; empty: none
+  std::filesystem::path text_log;   ///< --text-log; empty: none
 };
 
 struct StationOptions {

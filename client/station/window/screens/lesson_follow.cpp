@@ -19,9 +19,10 @@ GestureTrace traceOf(const LessonBeginning& beginning) {
 
 }  // namespace
 
-LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene)
+LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning,
+                           std::shared_ptr<const SceneView> scene)
     : beginning_(std::move(beginning)),
-      scene_(std::make_shared<const SceneView>(std::move(scene))),
+      scene_(std::move(scene)),
       plan_W_(beginning_->lesson.exercise ? planViewOf(*scene_, *beginning_->lesson.exercise) : std::nullopt),
       // the beginning owns the model and lives as long
       replica_(std::shared_ptr<const SceneModel>(beginning_, &beginning_->lesson.model)),
@@ -29,7 +30,12 @@ LessonFollow::LessonFollow(std::shared_ptr<const LessonBeginning> beginning, Sce
 
 Result<std::unique_ptr<LessonFollow>> LessonFollow::make(std::shared_ptr<const LessonBeginning> beginning) {
   ASSIGN_OR_RETURN(auto scene, sceneViewOf(beginning->lesson.profile, beginning->X_WL));
-  return std::unique_ptr<LessonFollow>(new LessonFollow(std::move(beginning), std::move(scene)));
+  return std::unique_ptr<LessonFollow>(
+      new LessonFollow(std::move(beginning), std::make_shared<const SceneView>(std::move(scene))));
+}
+
+std::unique_ptr<LessonFollow> LessonFollow::restarted() const {
+  return std::unique_ptr<LessonFollow>(new LessonFollow(beginning_, scene_));
 }
 
 void LessonFollow::feed(const std::vector<GestureSample>& samples, std::uint64_t dropped, ByteView cut_memory,

@@ -20,6 +20,9 @@ class LessonFollow {
   /// Errors: from sceneViewOf.
   static Result<std::unique_ptr<LessonFollow>> make(std::shared_ptr<const LessonBeginning> beginning);
 
+  /// Another one of the same scene, without samples.
+  [[nodiscard]] std::unique_ptr<LessonFollow> restarted() const;
+
   /// Adds samples in tick order. `dropped`: the number of samples that the window lost just before them.
   /// `cut_memory`: the memory of cuts after one of the samples (encodeCuts); empty: not known. `paths`: in a
   /// body, the list of the samples' paths (appendPath).
@@ -27,6 +30,7 @@ class LessonFollow {
             ByteView paths = {});
 
   [[nodiscard]] const LessonBeginning& beginning() const { return *beginning_; }
+  [[nodiscard]] const std::shared_ptr<const LessonBeginning>& sharedBeginning() const { return beginning_; }
   [[nodiscard]] const std::shared_ptr<const SceneView>& scene() const { return scene_; }
   /// The exercise's planned line in W; nothing without a plan or in a lesson from a profile file.
   [[nodiscard]] const std::optional<PlanView>& plan_W() const { return plan_W_; }
@@ -37,7 +41,7 @@ class LessonFollow {
   [[nodiscard]] bool begun() const { return replica_.fed() > 0; }
 
  private:
-  LessonFollow(std::shared_ptr<const LessonBeginning> beginning, SceneView scene);
+  LessonFollow(std::shared_ptr<const LessonBeginning> beginning, std::shared_ptr<const SceneView> scene);
 
   std::shared_ptr<const LessonBeginning> beginning_;
   std::shared_ptr<const SceneView> scene_;

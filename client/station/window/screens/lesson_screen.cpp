@@ -9,7 +9,9 @@
 #include <algorithm>
 #include <span>
 #include <string>
+#include <string_view>
 
+#include "client/device/hand/hand_options.h"
 #include "client/station/run/lesson/trainee_code.h"
 #include "client/station/run/loop/fault_watch.h"
 #include "client/station/window/lessons/start_choice.h"
@@ -205,13 +207,14 @@ struct KeyRow {
   const char* keys;
   const char* does;
 };
-constexpr KeyRow kSteeringKeys[] = {{"W S, wheel", "in, out"},
-                                    {"arrows, drag", "across"},
-                                    {"Ctrl+arrows, right drag", "tilt"},
-                                    {"Space, X", "plunger in, out"},
-                                    {"Shift", "slowly"}};
-constexpr KeyRow kLessonKeys[] = {
-    {"1 2 3 4", "views"}, {"Ctrl + −", "letter size"}, {"I", "this window"}, {"Esc", "end"}};
+constexpr KeyRow kSteeringKeys[] = {{"W S, wheel", "in, out"},           {"arrows, drag", "across"},
+                                    {"Ctrl+arrows, right drag", "tilt"}, {"L", "line up with the plan"},
+                                    {"Space, X", "plunger in, out"},     {"Shift", "slowly"}};
+constexpr KeyRow kLessonKeys[] = {{"H", "show me"},
+                                  {"1 2 3 4", "views"},
+                                  {"Ctrl + −", "letter size"},
+                                  {"I", "this window"},
+                                  {"Esc", "end"}};
 
 // shows the facts behind the light, and all keys, over the picture
 void showDetails(std::span<const StationFact> facts, bool steers, ImVec2 corner_px, ImVec2 size_px) {
@@ -243,7 +246,21 @@ std::string titleOf(const LessonFollow& lesson) {
          (exercise ? exercise->name() : lesson.beginning().lesson.profile.name());
 }
 
-void showHead(const BoardState& state, const LessonFollow& lesson) {
+// not in an exam; with the needle in tissue a trainee has other things to look at
+bool mayDemonstrate(const LessonFollow& lesson) {
+  return !lesson.beginning().lesson.exam && !(lesson.begun() && lesson.now().inside);
+}
+
+// what a demonstration shows, with any aids of the exercise
+AidSet demonstrationAids() {
+  AidSet aids = usualAidSet();
+  aids.set(pb::Exercise::ALIGNMENT, false);
+  return aids;
+}
+
+}  // namespace
+
+void LessonScreen::showHead(const BoardState& state, const LessonFollow& lesson) const {
   const LessonBeginning& beginning = lesson.beginning();
   const auto& left_s = state.status.left_s;
   {
@@ -257,18 +274,31 @@ void showHead(const BoardState& state, const LessonFollow& lesson) {
     const WithTextColour colour(left_s && *left_s < 10 ? kOrange : kText);
     ImGui::TextUnformatted(clock.c_str());
   }
-  if (lesson.begun() && isCapped(lesson.now())) {
+  if (demonstration_.isOn()) {
+    const WithTextColour colour(kSkyBlue);
+    textLine(demonstration_.shown() != nullptr
+                 ? "This is a demonstration by a simulated hand. Your own needle waits where it was."
+                 : "The demonstration is being computed …");
+    return;
+  }
+  const bool steps = AidSet(state.aids).has(pb::Exercise::STEPS);
+  if (lesson.begun() && isCapped(lesson.now()) && !steps) {
     const WithTextColour colour(styleOf(Condition::kAttention).colour);
-    textLine(capText(lesson.scene()->landmark));
+    textBlock(capText(lesson.scene()->landmark));
     return;
   }
   const WithTextColour colour(beginning.code_unchecked ? styleOf(Condition::kAttention).colour : kDimText);
-  textLine(AidSet(state.aids).has(pb::Exercise::ALARMS)
-               ? lessonLine(beginning)
-               : "by feel, without alarms; " + lessonLine(beginning));
+  const std::string line = lessonLine(beginning, !steps);
+  textBlock(AidSet(state.aids).has(pb::Exercise::ALARMS) ? line : "by feel, without alarms; " + line);
 }
 
-}  // namespace
+// the exercise's words say the same as the steps
+void LessonScreen::showSteps(const BoardState& state, const LessonFollow& lesson) {
+  if (!steps_ || demonstration_.isOn() || !lesson.begun() || !AidSet(state.aids).has(pb::Exercise::STEPS))
+    return;
+  const SteerView view{frame_.camera.right_W(), frame_.camera.upward_W()};
+  stepStrip(steps_->next(stepFactsOf(lesson, state.status, lesson.beginning().way, anatomy_, view)));
+}
 
 std::string capText(const std::string& landmark) {
   return fmt::format(
@@ -276,13 +306,13 @@ std::string capText(const std::string& landmark) {
       landmark.empty() ? "the landmarks" : "the " + landmark);
 }
 
-std::string lessonLine(const LessonBeginning& beginning) {
+std::string lessonLine(const LessonBeginning& beginning, bool description) {
   std::string who = beginning.trainee;
   if (beginning.code_unchecked) return who + ": " + kCodeUnchecked;
   if (beginning.lesson.attempt > 0) who += fmt::format(", attempt {}", beginning.lesson.attempt);
   if (beginning.lesson.attempts_left)
     who += fmt::format(" ({} left, this one included)", *beginning.lesson.attempts_left);
-  if (beginning.lesson.exercise && !beginning.lesson.exercise->description().empty())
+  if (description && beginning.lesson.exercise && !beginning.lesson.exercise->description().empty())
     who += ": " + beginning.lesson.exercise->description();
   return who;
 }
@@ -293,8 +323,22 @@ void LessonScreen::begin(const LessonFollow& lesson) {
   frame_.camera = initialView(*lesson.scene());
   steering_.reset();
   if (lesson.beginning().steering)
-    steering_.emplace(
-        SteeringTarget{lesson.beginning().hand_start.X_WT, lesson.beginning().hand_start.plunger});
+    steering_.emplace(SteeringTarget{steeredStart(lesson.beginning().way).start().X_WT,
+                                     steeredStart(lesson.beginning().way).start().plunger});
+  const StationLesson& what = lesson.beginning().lesson;
+  const auto asksFor = [&](std::string_view measure) {
+    return what.exercise && std::ranges::any_of(what.exercise->requirements(), [&](const auto& requirement) {
+             return requirement.measure() == measure;
+           });
+  };
+  anatomy_ = anatomyOf(what.profile, lesson.beginning().X_WL);
+  steps_.reset();
+  if (!what.exam)
+    steps_.emplace(steering_.has_value(),
+                   asksFor("injected_in_target_share") || asksFor("aspirated_before_injection"),
+                   lesson.scene()->landmark,
+                   anatomy_.targets.empty() ? std::string() : anatomy_.targets.front().ball.name);
+  demonstration_.begin();
   held_across_ = held_tilt_ = shows_details_ = false;
 }
 
@@ -302,7 +346,18 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
                         LessonRequests& requests) {
   keys_ = keys;
   beginScreen("lesson");
+  if (keys && ImGui::IsKeyPressed(GLFW_KEY_H, false) && mayDemonstrate(lesson)) {
+    if (demonstration_.isOn())
+      demonstration_.stop();
+    else
+      demonstration_.play(lesson);
+  }
+  demonstration_.advance(lesson, static_cast<double>(ImGui::GetIO().DeltaTime));
+  const bool plays = demonstration_.shown() != nullptr;
+  const LessonFollow& shown = plays ? *demonstration_.shown() : lesson;
+  const AidSet aids = plays ? demonstrationAids() : AidSet(state.aids);
   showHead(state, lesson);
+  showSteps(state, lesson);
   const float foot = 3.4F * space();
   const ImVec2 rest = ImGui::GetContentRegionAvail();
   const float gap = ImGui::GetStyle().ItemSpacing.x;
@@ -311,12 +366,13 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
   const ImVec2 picture{rest.x - panel - gap, rest.y - foot};
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   ImGui::BeginGroup();
-  showScene(state, lesson, picture);
+  const bool hovered = showScene(shown, aids, picture);
+  if (steering_) steer(lesson, hovered);
   lessonAlarms(state.status.alarms, corner, picture);
   ImGui::EndGroup();
   ImGui::SameLine();
   ImGui::BeginGroup();
-  const bool clicked = lessonPanel(state, lesson, AidSet(state.aids), ultrasound_, {panel, picture.y});
+  const bool clicked = lessonPanel(state, shown, aids, ultrasound_, {panel, picture.y});
   ImGui::EndGroup();
   if (steering_) {
     keyHint("W S", "in, out");
@@ -327,6 +383,9 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
     ImGui::SameLine();
     keyHint("Space X", "plunger");
     ImGui::SameLine();
+    keyHint("L", "line up");
+    ImGui::SameLine();
+    if (keys && ImGui::IsKeyPressed(GLFW_KEY_L, false)) lineUp(lesson);
   }
   if (lesson.beginning().lesson.model.isLive(Effect::kPalpation)) {
     keyHint("C", isCapped(lesson.now()) ? "cap off" : "cap on");
@@ -340,6 +399,7 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
   keyHint("Esc", "end");
   if (clicked || (keys && ImGui::IsKeyPressed(GLFW_KEY_I, false))) shows_details_ = !shows_details_;
   lessonMessages(state, corner, picture);
+  showDemonstration(lesson, corner, picture);
   // alarms and messages take precedence
   if (shows_details_ && !hasFreshMessage(state) && overlayOf(state.status).kind == Overlay::Kind::kNone)
     showDetails(lessonFacts(state, lesson.beginning(), lesson.dropped(), lesson.now().alpha_rad),
@@ -349,17 +409,36 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
   endScreen();
 }
 
-void LessonScreen::showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px) {
+// a button in the picture's corner, while the needle is not in tissue
+void LessonScreen::showDemonstration(const LessonFollow& lesson, ImVec2 corner_px, ImVec2 size_px) {
+  if (!mayDemonstrate(lesson)) return demonstration_.stop();
+  ImGui::SetNextWindowPos({corner_px.x + size_px.x - space(), corner_px.y + space()}, ImGuiCond_Always,
+                          {1, 0});
+  ImGui::SetNextWindowBgAlpha(0.88F);
+  if (ImGui::Begin("##demonstration", nullptr, kLaidOver)) {
+    if (!demonstration_.trouble().empty()) {
+      textLine("no demonstration: " + demonstration_.trouble());
+    } else if (demonstration_.isOn()) {
+      if (ImGui::Button("Stop   [H]")) demonstration_.stop();
+      levelBar(demonstration_.progress(), "", kSkyBlue, 12 * space());
+    } else if (ImGui::Button("Show me   [H]")) {
+      demonstration_.play(lesson);
+    }
+  }
+  ImGui::End();
+}
+
+bool LessonScreen::showScene(const LessonFollow& lesson, const AidSet& aids, ImVec2 size_px) {
   chooseView(lesson);
   frame_.moment = lesson.now();
   frame_.show_needle = lesson.begun();
-  frame_.aids = AidSet(state.aids);
+  frame_.aids = aids;
   frame_.plan_W = lesson.plan_W();
   SceneWidgetOptions options;
   // steering a hand uses the mouse; with Alt it rotates the picture instead
   options.mouse_moves_camera = !steering_ || ImGui::GetIO().KeyAlt;
   const SceneWidgetResult result = sceneWidget("scene", renderer_, frame_, size_px, options);
-  if (steering_) steer(lesson, result.hovered);
+  return result.hovered;
 }
 
 void LessonScreen::chooseView(const LessonFollow& lesson) {
@@ -399,8 +478,15 @@ void LessonScreen::steer(const LessonFollow& lesson, bool hovered) {
     input.draw = ImGui::IsKeyDown(GLFW_KEY_X);
   }
   const SteerView view{frame_.camera.right_W(), frame_.camera.upward_W()};
-  const Vec3 tip = lesson.begun() ? lesson.now().p_WT_m : lesson.beginning().hand_start.X_WT.p;
+  if (input.moves()) demonstration_.stop();
+  const Vec3 tip = lesson.begun() ? lesson.now().p_WT_m : steering_->target().X_WT.p;
   lesson.beginning().steering->setTarget(steering_->update(input, view, tip));
+}
+
+// clear of the skin, which it would tear otherwise
+void LessonScreen::lineUp(const LessonFollow& lesson) {
+  if (lesson.begun() && lesson.now().depth_m < -lesson.scene()->cap_radius_m)
+    steering_->lineUp(steeredStart(lesson.beginning().way).start().X_WT);
 }
 
 // asks first, because a single key press could end a lesson by mistake

@@ -12,7 +12,9 @@
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/lesson_requests.h"
 #include "client/station/window/lessons/lesson_board.h"
+#include "client/station/window/screens/demonstration_player.h"
 #include "client/station/window/screens/lesson_follow.h"
+#include "client/station/window/screens/lesson_steps.h"
 #include "client/station/window/screens/pointer_steering.h"
 #include "client/view/action_bar.h"
 #include "client/view/model/gesture_replica.h"
@@ -34,8 +36,9 @@ struct Overlay {
 /// Pure.
 Overlay overlayOf(const LessonStatus& status);
 /// Trainee and lesson: "tom, attempt 2 (3 left, this one included): Feel the capsule give way." If the server
-/// could not check the code, says so instead of the attempt, which does not count yet. Pure.
-std::string lessonLine(const LessonBeginning& beginning);
+/// could not check the code, says so instead of the attempt, which does not count yet. `description`: with
+/// the exercise's. Pure.
+std::string lessonLine(const LessonBeginning& beginning, bool description = true);
 
 /// What to do with the cap on; `landmark` may be empty. Pure.
 std::string capText(const std::string& landmark);
@@ -58,15 +61,23 @@ class LessonScreen {
   }
 
  private:
-  void showScene(const BoardState& state, const LessonFollow& lesson, ImVec2 size_px);
+  void showHead(const BoardState& state, const LessonFollow& lesson) const;
+  void showSteps(const BoardState& state, const LessonFollow& lesson);
+  /// Returns whether the mouse is over it.
+  bool showScene(const LessonFollow& lesson, const AidSet& aids, ImVec2 size_px);
+  void showDemonstration(const LessonFollow& lesson, ImVec2 corner_px, ImVec2 size_px);
   void chooseView(const LessonFollow& lesson);
   void steer(const LessonFollow& lesson, bool hovered);
+  void lineUp(const LessonFollow& lesson);
   void offerEnd(const StationLesson& lesson, LessonRequests& requests);
 
   SceneRenderer& renderer_;
   UltrasoundView ultrasound_;
   SceneFrame frame_;
   std::optional<PointerSteering> steering_;
+  std::optional<LessonSteps> steps_;
+  Anatomy anatomy_;  // for the steps
+  DemonstrationPlayer demonstration_;
   bool held_across_ = false, held_tilt_ = false, shows_details_ = false, keys_ = true;
   Question end_question_{"End this lesson?"};
   AnswerGate fault_gate_;

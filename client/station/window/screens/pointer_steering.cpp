@@ -23,15 +23,20 @@ Quat turned(Quat q, Vec3 axis, double angle) {
 
 }  // namespace
 
+DirectionsAcross directionsAcross(Vec3 axis_W, const SteerView& view) {
+  const Vec3 toward = cross(view.right_W, view.up_W);
+  const Vec3 right = across(view.right_W, axis_W, across(view.up_W, axis_W, {1, 0, 0}));
+  const Vec3 away = cross(axis_W, right);
+  return {right, dot(away, view.up_W - toward) < 0 ? -away : away};
+}
+
 const SteeringTarget& PointerSteering::update(const SteerInput& input, const SteerView& view, Vec3 tip_W_m) {
   const double dt = std::clamp(input.dt_s, 0.0, kLongestFrame_s);
   const double share = input.fine ? kFineShare : 1;
   const Vec3 axis = zAxis(target_.X_WT.q);
-  // directions across the needle: right in the picture, and away from the person, which is up in the picture
-  const Vec3 toward = cross(view.right_W, view.up_W);
-  const Vec3 right = across(view.right_W, axis, across(view.up_W, axis, {1, 0, 0}));
-  Vec3 away = cross(axis, right);
-  if (dot(away, view.up_W - toward) < 0) away = -away;
+  const auto [right, away] = directionsAcross(axis, view);
+  if (input.moves()) lines_up_at_.reset();
+  if (lines_up_at_) target_.X_WT = *lines_up_at_;
 
   const double along_m = share * (input.advance * kAdvance_mps * dt + input.wheel * kWheel_m);
   const double right_m =

@@ -1,6 +1,8 @@
 /// Converts mouse and keys to a target for the simulated hand. Pure logic of the window's side.
 #pragma once
 
+#include <optional>
+
 #include "client/device/hand/hand.h"
 #include "common/haptics/geometry.h"
 
@@ -17,12 +19,24 @@ struct SteerInput {
   int tilt_right = 0, tilt_up = 0;
   bool fine = false;                 ///< a quarter of every speed
   bool press = false, draw = false;  ///< the plunger, while the key is down
+  /// Whether it moves the needle.
+  [[nodiscard]] bool moves() const {
+    return advance != 0 || across_right != 0 || across_up != 0 || tilt_right != 0 || tilt_up != 0 ||
+           wheel != 0 || across_right_px != 0 || across_up_px != 0 || tilt_right_px != 0 || tilt_up_px != 0;
+  }
 };
 
 /// A person's view of W: orthogonal unit vectors.
 struct SteerView {
   Vec3 right_W{0, 1, 0}, up_W{0, 0, 1};
 };
+
+/// Unit vectors at right angles to the needle: right in the picture, and away from the person, which is up in
+/// the picture. `axis_W`: unit, from hub to tip.
+struct DirectionsAcross {
+  Vec3 right_W, away_W;
+};
+DirectionsAcross directionsAcross(Vec3 axis_W, const SteerView& view);
 
 /// Moves the needle in a person's hand. `advance` moves along the needle; `across` moves it at right angles
 /// to the needle without rotation (right, and away from the person for "up"); `tilt` rotates it about its tip
@@ -41,10 +55,13 @@ class PointerSteering {
 
   /// Updates the target once per frame. `tip_W_m`: the tip's true position.
   const SteeringTarget& update(const SteerInput& input, const SteerView& view, Vec3 tip_W_m);
+  /// Goes to this pose, until a person moves the needle; the plunger stays.
+  void lineUp(const Pose& X_WT) { lines_up_at_ = X_WT; }
   [[nodiscard]] const SteeringTarget& target() const { return target_; }
 
  private:
   SteeringTarget target_;
+  std::optional<Pose> lines_up_at_;
 };
 
 }  // namespace needlelab

@@ -312,14 +312,26 @@ SceneSpec flatScene() {
   return scene;
 }
 
-TEST(SteeredStart, isOutsideNearTheMarkedEntryLookingIn) {
-  const std::vector<PlanTarget> targets = {{"deep", {0.01, 0, -0.03}, Vec3{0.01, 0, 0}}};
-  const HandAim start = steeredStart(flatScene(), targets).start();
-  EXPECT_NEAR(start.X_WT.p.z, 0.03, 1e-12);
-  EXPECT_NEAR(norm(start.X_WT.p - Vec3{0.01, 0, 0.03}), 0.015, 1e-12);
-  EXPECT_NEAR(zAxis(start.X_WT.q).z, -1, 1e-12);
+TEST(SteeredStart, isOnThePlannedLineTiltedAsPlanned) {
+  // 45 degrees: the target's depth on the line is that of its foot
+  const double c = std::sqrt(0.5);
+  const std::vector<PlanTarget> targets = {{"deep", {0.03, 0.001, -0.03}, Vec3{0.01, 0, 0}}};
+  const PlannedLine line{{0, 0, 0}, {c, 0, -c}};
+  const PlannedInsertion way = plannedInsertion(flatScene(), targets, line);
+  EXPECT_NEAR(way.depth_m, 0.03 / c, 1e-12);
+  const HandAim start = steeredStart(way).start();
+  EXPECT_NEAR(norm(start.X_WT.p - Vec3{-0.03 * c, 0, 0.03 * c}), 0, 1e-12);
+  EXPECT_NEAR(norm(zAxis(start.X_WT.q) - Vec3{c, 0, -c}), 0, 1e-12);
   EXPECT_GT(start.plunger, 0) << "one can aspirate";
-  EXPECT_NEAR(steeredStart(flatScene(), {}).start().X_WT.p.x, 0, 1e-12) << "the limb's reference point";
+}
+
+TEST(SteeredStart, withoutAPlanIsOnTheWayFromTheMarkedEntryOrStraightIn) {
+  const std::vector<PlanTarget> targets = {{"deep", {0.01, 0.04, -0.03}, Vec3{0.01, 0, 0}}};
+  const Pose X_WT = steeredStart(plannedInsertion(flatScene(), targets, {})).start().X_WT;
+  EXPECT_NEAR(norm(X_WT.p - Vec3{0.01, -0.024, 0.018}), 0, 1e-12) << "3-4-5";
+  EXPECT_NEAR(norm(zAxis(X_WT.q) - Vec3{0, 0.8, -0.6}), 0, 1e-12);
+  const Pose straight = steeredStart(plannedInsertion(flatScene(), {}, {})).start().X_WT;
+  EXPECT_NEAR(norm(straight.p - Vec3{0, 0, 0.03}), 0, 1e-12) << "the limb's reference point";
 }
 
 TEST(HandPlanChoice, pointerIsNoPlanToFollow) {
@@ -334,7 +346,7 @@ TEST(SteeredHand, goesWhereItIsSteeredFeelsResistanceAndNeverFinishes) {
   SimulatedDeviceOptions options;
   options.steering = std::make_shared<HandSteering>();
   options.hand.tremor_m = 0;
-  SimulatedDevice device(options, steeredStart(flatScene(), {}));
+  SimulatedDevice device(options, steeredStart(plannedInsertion(flatScene(), {}, {})));
   ASSERT_TRUE(device.open(kRate_hz).ok());
   DeviceReading reading;
   ASSERT_EQ(device.read(reading), DeviceRead::kFresh);

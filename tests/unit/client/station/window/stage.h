@@ -129,7 +129,7 @@ class TraineeStage : public ViewStage {
     if (steered) {
       steering_ = std::make_shared<HandSteering>();
       beginning->steering = steering_;
-      beginning->hand_start.X_WT = {{0, 0, 0.03}, {1, 0, 0, 0}};
+      beginning->way = {{0, 0, 0}, {0, 0, -1}, 0.02};
     }
     board_.began(beginning);
     const auto count = std::min(sample_.samples.size(), static_cast<std::size_t>(seconds * 1000));

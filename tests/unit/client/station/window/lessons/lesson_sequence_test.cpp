@@ -263,7 +263,7 @@ TEST_F(LessonSequenceTest, aSteeredHandGoesWhereItIsWished) {
       [](const BoardState& state) { return state.stage == Stage::kLesson && state.status.time_s > 0; }));
   const auto beginning = state_.beginning;
   ASSERT_TRUE(beginning->steering);
-  const Pose start = beginning->hand_start.X_WT;
+  const Pose start = steeredStart(beginning->way).start().X_WT;
   beginning->steering->setTarget({{start.p + Vec3{0, -0.005, 0}, start.q}, 0.5});
   std::vector<GestureSample> samples;
   EXPECT_TRUE(eventually([&] {
