@@ -141,7 +141,13 @@ TEST_P(Reader, passesTheFirstLesson) {
   station.signal(SIGTERM);
   ASSERT_EQ(station.wait(), kExitDone) << station.said();
   const auto row = lab_.summary("window")["rows"][0];
-  EXPECT_TRUE(row["passed"] == true) << row.dump(1) << testing::PrintToString(heard);
+  int required = 0;
+  for (const auto& measure : row["score"]) {
+    if (!measure.contains("passed")) continue;
+    ++required;
+    EXPECT_TRUE(measure["passed"] == true) << measure["words"] << testing::PrintToString(heard);
+  }
+  EXPECT_GE(required, 8) << row.dump(1);
 }
 
 std::vector<const char*> bodies() {
