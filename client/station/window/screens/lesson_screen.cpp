@@ -392,9 +392,9 @@ void LessonScreen::show(const BoardState& state, const LessonFollow& lesson, boo
     ImGui::SameLine();
     if (keys && ImGui::IsKeyPressed(GLFW_KEY_C, false)) requests.switchCap();
   }
-  keyHint("1 2 3 4", "views");
+  keyHint("1–4", "views");
   ImGui::SameLine();
-  keyHint("I", "station, keys");
+  keyHint("I", "all keys");
   ImGui::SameLine();
   keyHint("Esc", "end");
   if (clicked || (keys && ImGui::IsKeyPressed(GLFW_KEY_I, false))) shows_details_ = !shows_details_;

@@ -183,26 +183,31 @@ void stepStrip(const LessonStep& step) {
   };
   const WithFont heading(Letters::kHeading);
   const float pad = space(), line = ImGui::GetTextLineHeight(), side = line + pad;
-  // room for two lines, so that the picture below holds still
-  const ImVec2 at = ImGui::GetCursorScreenPos(),
-               size{ImGui::GetContentRegionAvail().x, 2 * line + 3 * pad + bodyLine_px()};
+  float keys_px = pad;
+  std::vector<float> wide_px;
+  for (const std::string& name : step.keys) {
+    wide_px.push_back(std::max(side, ImGui::CalcTextSize(name.c_str()).x + 1.4F * pad));
+    keys_px += wide_px.back() + pad;
+  }
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  const float width = ImGui::GetContentRegionAvail().x, wrap = width - keys_px - pad;
+  const float words = ImGui::CalcTextSize(step.sentence.c_str(), nullptr, false, wrap).y + bodyLine_px();
+  const ImVec2 size{width, std::max(side, words) + 1.5F * pad};
   ImDrawList& draw = *ImGui::GetWindowDrawList();
   draw.AddRectFilled(at, {at.x + size.x, at.y + size.y}, packed(kPanelGrey), 4);
   draw.AddRect(at, {at.x + size.x, at.y + size.y}, packed(kSkyBlue), 4);
   float x = at.x + pad;
-  for (const std::string& name : step.keys) {
-    const float wide = std::max(side, ImGui::CalcTextSize(name.c_str()).x + 1.4F * pad);
-    const bool down = isDown(name);
+  for (std::size_t i = 0; i < step.keys.size(); ++i) {
+    const char* const name = step.keys[i].c_str();
+    const bool down = isDown(step.keys[i]);
     const float top = at.y + 0.5F * (size.y - side) + (down ? 2.0F : 0.0F);
-    draw.AddRectFilled({x, top + 4}, {x + wide, top + side + 4}, packed(kBlack), 6);
-    draw.AddRectFilled({x, top}, {x + wide, top + side}, packed(down ? kYellow : kWhite), 6);
-    draw.AddText({x + 0.5F * (wide - ImGui::CalcTextSize(name.c_str()).x), top + 0.5F * (side - line)},
-                 packed(kBlack), name.c_str());
-    x += wide + pad;
+    draw.AddRectFilled({x, top + 4}, {x + wide_px[i], top + side + 4}, packed(kBlack), 6);
+    draw.AddRectFilled({x, top}, {x + wide_px[i], top + side}, packed(down ? kYellow : kWhite), 6);
+    draw.AddText({x + 0.5F * (wide_px[i] - ImGui::CalcTextSize(name).x), top + 0.5F * (side - line)},
+                 packed(kBlack), name);
+    x += wide_px[i] + pad;
   }
-  const float wrap = at.x + size.x - pad - x;
-  const ImVec2 text = ImGui::CalcTextSize(step.sentence.c_str(), nullptr, false, wrap);
-  float y = at.y + 0.5F * (size.y - text.y - bodyLine_px());
+  float y = at.y + 0.5F * (size.y - words);
   {
     const WithFont body(Letters::kBody);
     draw.AddText({x, y}, packed(kSkyBlue), fmt::format("Step {} of 3: {}", step.number, step.title).c_str());
