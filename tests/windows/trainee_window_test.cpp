@@ -165,7 +165,7 @@ TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
   display_.key("3");  // from above: right is W's y
   display_.moveTo(500, 350);
   ASSERT_TRUE(frames_.sawInput()) << station_->said();
-  // the hand waits 15 mm to the right of the entry and 30 mm above it; a pixel is 0.1 mm, a notch 1 mm
+  // the hand waits 30 mm above the entry; a pixel is 0.1 mm, a notch 1 mm
   const auto waiting = frames_.newest();
   ASSERT_TRUE(waiting);
   display_.buttonDown(1);
@@ -177,6 +177,10 @@ TEST_F(TraineeWindowTest, aLessonSteeredByMouseReachesTheTargetAndIsScored) {
   const Vec3 dragged_m = frames_.newest()->aim_WT_m - waiting->aim_WT_m;
   EXPECT_NEAR(norm(dragged_m), 0.015, 1e-4);
   EXPECT_LT(dragged_m.y, -0.014);
+  display_.key("l");  // lines up again
+  ASSERT_TRUE(frames_.until([&](const SeenFrame& frame) {
+    return norm(frame.aim_WT_m - waiting->aim_WT_m) < 1e-4 && frame.behind_m() < 0.5e-3;
+  })) << station_->said();
   // 26 mm below the skin. The aim never rests near the skin, where the tip could swing in and out.
   for (const int notches : {13, 13, 12, 5, 5, 4, 4}) ASSERT_NO_FATAL_FAILURE(advance(notches, 0.5e-3));
   const double there_s = frames_.newest()->lesson_s;
