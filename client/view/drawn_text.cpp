@@ -51,7 +51,8 @@ std::vector<DrawnLine> drawnText() {
       if (corners[k + 2].uv.x != glyph->U1 || corners[k + 2].uv.y != glyph->V1) continue;
       const float x_px = corners[k].pos.x - glyph->X0, y_px = corners[k].pos.y - glyph->Y0;
       const float gap_px = x_px - end_px;
-      if (!follows || std::fabs(y_px - top_px) > 1 || gap_px < -blank_px || gap_px > kFarther * blank_px)
+      if (!follows || lines.back().letters != letters || std::fabs(y_px - top_px) > 1 || gap_px < -blank_px ||
+          gap_px > kFarther * blank_px)
         lines.push_back({letters, "", false});
       else if (gap_px > kBlank * blank_px)
         lines.back().text += ' ';

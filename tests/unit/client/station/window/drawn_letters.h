@@ -1,15 +1,14 @@
-/// The text of a frame, letter by letter, with the font of each, recovered from the letters' positions in the
-/// fonts' texture. Blanks are not drawn.
+/// The text of a frame without its blanks, by font.
 #pragma once
 
 #include <imgui/imgui.h>
 
-#include <cmath>
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <string>
-#include <utility>
 
-#include "client/view/theme.h"
+#include "client/view/drawn_text.h"
 
 namespace needlelab::test {
 
@@ -17,24 +16,12 @@ namespace needlelab::test {
 class DrawnLetters {
  public:
   DrawnLetters() {
-    std::map<std::pair<float, float>, std::pair<Letters, const ImFontGlyph*>> places;
-    for (const Letters letters : {Letters::kBody, Letters::kSmall, Letters::kHeading, Letters::kFigure})
-      for (const ImFontGlyph& glyph : fontOf(letters)->Glyphs)
-        if (glyph.Visible) places[{glyph.U0, glyph.V0}] = {letters, &glyph};
-    const ImDrawData& data = *ImGui::GetDrawData();
-    for (int i = 0; i < data.CmdListsCount; ++i) {
-      const ImVector<ImDrawVert>& corners = data.CmdLists[i]->VtxBuffer;
-      for (int k = 0; k + 3 < corners.Size; ++k) {
-        const auto found = places.find({corners[k].uv.x, corners[k].uv.y});
-        if (found == places.end()) continue;
-        const auto& [letters, glyph] = found->second;
-        if (corners[k + 2].uv.x != glyph->U1 || corners[k + 2].uv.y != glyph->V1) continue;
-        const float height_px = corners[k + 2].pos.y - corners[k].pos.y;
-        scaled_ = scaled_ || std::fabs(height_px - (glyph->Y1 - glyph->Y0)) > 0.01F;
-        text_[letters] += letterOf(glyph->Codepoint);
-        all_ += letterOf(glyph->Codepoint);
-        k += 3;
-      }
+    for (const DrawnLine& line : drawnText()) {
+      std::string letters;
+      std::ranges::copy_if(line.text, std::back_inserter(letters), [](char c) { return c != ' '; });
+      text_[line.letters] += letters;
+      all_ += letters;
+      scaled_ = scaled_ || line.scaled;
     }
   }
 
@@ -48,14 +35,6 @@ class DrawnLetters {
   [[nodiscard]] bool scaled() const { return scaled_; }
 
  private:
-  static std::string letterOf(unsigned codepoint) {
-    if (codepoint < 0x80) return {static_cast<char>(codepoint)};
-    if (codepoint < 0x800)
-      return {static_cast<char>(0xC0 | codepoint >> 6), static_cast<char>(0x80 | (codepoint & 0x3F))};
-    return {static_cast<char>(0xE0 | codepoint >> 12), static_cast<char>(0x80 | (codepoint >> 6 & 0x3F)),
-            static_cast<char>(0x80 | (codepoint & 0x3F))};
-  }
-
   std::map<Letters, std::string> text_;
   std::string all_;
   bool scaled_ = false;
