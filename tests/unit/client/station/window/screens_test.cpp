@@ -8,6 +8,7 @@
 #include "common/haptics/gate/force_gate.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/targets/miss.h"
+#include "tests/unit/client/station/window/drawn_letters.h"
 #include "tests/unit/client/station/window/stage.h"
 
 namespace needlelab::test {
@@ -297,6 +298,7 @@ TEST_F(Screens, everyAidShowsSomethingAndCanBeTakenAway) {
   for (int number = pb::Exercise::Aid_MIN + 1; number <= pb::Exercise::Aid_MAX; ++number) {
     AidList all = usualAids();
     all.Add(pb::Exercise::ULTRASOUND);
+    if (number == pb::Exercise::STEPS) all.Add(number);  // they take room from the picture
     showLesson(2.4, all);
     picture();
     AidList less;
@@ -308,6 +310,41 @@ TEST_F(Screens, everyAidShowsSomethingAndCanBeTakenAway) {
               5e-4)
         << pb::Exercise::Aid_Name(static_cast<pb::Exercise::Aid>(number));
   }
+}
+
+TEST_F(Screens, aDemonstrationIsShownAndStoppedByItsKey) {
+  const auto says = [&](const char* words) { return DrawnLetters().all().find(words) != std::string::npos; };
+  showLesson(0.2);
+  picture(5);
+  EXPECT_TRUE(says("Showme[H]"));
+  press(screen(), GLFW_KEY_H);
+  // it is computed on another thread
+  for (int frame = 0; frame < 100'000 && !says("Thisisademonstration"); ++frame) picture();
+  EXPECT_TRUE(says("Thisisademonstrationbyasimulatedhand"));
+  EXPECT_TRUE(says("Stop[H]"));
+  press(screen(), GLFW_KEY_H);
+  picture(2);
+  EXPECT_FALSE(says("demonstration"));
+  EXPECT_TRUE(says("tom,attempt2"));
+}
+
+TEST_F(Screens, anExamHasNeitherDemonstrationNorSteps) {
+  exam_ = true;
+  AidList aids = usualAids();
+  aids.Add(pb::Exercise::STEPS);
+  showLesson(0.2, aids);
+  picture(5);
+  press(screen(), GLFW_KEY_H);
+  picture(5);
+  for (const char* words : {"Showme", "demonstration", "Step1", "Step2"})
+    EXPECT_EQ(DrawnLetters().all().find(words), std::string::npos) << words;
+}
+
+TEST_F(Screens, lessonWithSteps) {
+  AidList aids = usualAids();
+  aids.Add(pb::Exercise::STEPS);
+  showLesson(0.2, aids, true);
+  EXPECT_TRUE(looksLike(picture(), referenceOf("lesson_steps")));
 }
 
 TEST_F(Screens, aFaultIsShownOverThePictureAndEnterAcknowledges) {

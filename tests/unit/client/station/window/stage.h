@@ -129,8 +129,8 @@ class TraineeStage : public ViewStage {
     if (steered) {
       steering_ = std::make_shared<HandSteering>();
       beginning->steering = steering_;
-      beginning->way = {{0, 0, 0}, {0, 0, -1}, 0.02};
     }
+    beginning->way = {{0, 0, 0}, {0, 0, -1}, 0.02};
     board_.began(beginning);
     const auto count = std::min(sample_.samples.size(), static_cast<std::size_t>(seconds * 1000));
     for (std::size_t i = 0; i < count; i += 20) {
