@@ -1,5 +1,5 @@
 /// The text of a frame, letter by letter, with the font of each, recovered from the letters' positions in the
-/// fonts' texture. Blanks are not drawn.
+/// fonts' texture. Blanks are not drawn; letters that are cut off at a panel's edge do not count.
 #pragma once
 
 #include <imgui/imgui.h>
@@ -8,6 +8,7 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "client/view/theme.h"
 
@@ -24,11 +25,21 @@ class DrawnLetters {
     const ImDrawData& data = *ImGui::GetDrawData();
     for (int i = 0; i < data.CmdListsCount; ++i) {
       const ImVector<ImDrawVert>& corners = data.CmdLists[i]->VtxBuffer;
+      std::vector<ImVec4> clip(static_cast<std::size_t>(corners.Size));
+      for (const ImDrawCmd& command : data.CmdLists[i]->CmdBuffer)
+        for (unsigned e = command.IdxOffset; e < command.IdxOffset + command.ElemCount; ++e)
+          clip[command.VtxOffset + data.CmdLists[i]->IdxBuffer[static_cast<int>(e)]] = command.ClipRect;
       for (int k = 0; k + 3 < corners.Size; ++k) {
         const auto found = places.find({corners[k].uv.x, corners[k].uv.y});
         if (found == places.end()) continue;
         const auto& [letters, glyph] = found->second;
         if (corners[k + 2].uv.x != glyph->U1 || corners[k + 2].uv.y != glyph->V1) continue;
+        const ImVec4& seen = clip[static_cast<std::size_t>(k)];
+        const ImVec2 low = corners[k].pos, high = corners[k + 2].pos;
+        if (low.y < seen.y - 1 || high.y > seen.w + 1 || low.x < seen.x - 1 || high.x > seen.z + 1) {
+          k += 3;
+          continue;
+        }
         const float height_px = corners[k + 2].pos.y - corners[k].pos.y;
         scaled_ = scaled_ || std::fabs(height_px - (glyph->Y1 - glyph->Y0)) > 0.01F;
         text_[letters] += letterOf(glyph->Codepoint);
