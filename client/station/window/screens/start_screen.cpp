@@ -113,7 +113,8 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
         typed_ = choice_.shown(choice_.trainee());
         typing_ = false;
       }
-    if (!in_empty_code_) typeName();
+    // the code's field gets the keys a moment after the question came
+    if (typing_ || choice_.codeQuestion() == nullptr) typeName();
     requestStanding(board);
   }
   // what was refused is not for the next trainee
