@@ -1,4 +1,5 @@
-/// The words of a frame, recovered from the letters that were drawn: what a person can read, and no more.
+/// The words of a frame, recovered from the letters that were drawn: what a person can read, and no more:
+/// letters cut off at a panel's edge do not count.
 #pragma once
 
 #include <string>

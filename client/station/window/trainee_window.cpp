@@ -22,7 +22,8 @@ TraineeWindow::TraineeWindow(LessonBoard& board, LessonRequests& requests,
       requests_(requests),
       may_quit_(may_quit),
       renderer_(std::move(renderer)),
-      lesson_screen_(*renderer_) {}
+      lesson_screen_(*renderer_),
+      end_(*renderer_) {}
 
 double TraineeWindow::lessonTime_s() const {
   return follow_ && follow_->begun() ? follow_->now().time_s : 0;
@@ -99,9 +100,7 @@ bool TraineeWindow::showScreen(bool changed, bool keys) {
       return false;
     case Stage::kEnd:
     case Stage::kClosing:
-      if (state_.outcome)
-        return end_.show(state_, changed, follow_ ? follow_->scene().get() : nullptr, keys, may_quit_,
-                         board_);
+      if (state_.outcome) return end_.show(state_, changed, follow_.get(), keys, may_quit_, board_);
       showPreparing(state_, requests_);
       return false;
     case Stage::kFailed:

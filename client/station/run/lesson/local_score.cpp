@@ -12,6 +12,7 @@
 #include "common/haptics/effects/line_layers.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
+#include "common/profile/strict_json.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/measures/syringe_events.h"
 
@@ -113,6 +114,18 @@ Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& 
   return LocalScore{scoreJson(measures), eventsJson(events),
                     gestureCurve(samples, lesson.model.limb, kCurvePoints, plan),
                     missOf(samples, events, lesson.profile, X_WL), deepest.line()};
+}
+
+std::vector<TickSpan> injectionsIn(const std::string& events_json) {
+  std::vector<TickSpan> found;
+  const auto rows = readShallowJson<nlohmann::json>(events_json);
+  if (!rows.is_array()) return found;
+  for (const auto& row : rows) {
+    if (!row.is_object() || row.value("event", "") != "INJECTION") continue;
+    if (!row.value(nlohmann::json::json_pointer("/begin/in_tissue"), false)) continue;
+    found.push_back({row.value("begin_tick", std::uint64_t{0}), row.value("end_tick", std::uint64_t{0})});
+  }
+  return found;
 }
 
 }  // namespace needlelab

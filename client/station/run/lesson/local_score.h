@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -68,5 +69,11 @@ struct LocalScore {
 /// Reads the session's chunks again, as the server would, and scores them. Errors: kInvalidInput if the
 /// session is too long for scoring here (the server can score it), and the spool's errors.
 Result<LocalScore> localScore(const SpoolSession& session, const StationLesson& lesson, const Pose& X_WL);
+
+struct TickSpan {
+  std::uint64_t begin = 0, end = 0;
+};
+/// The injections of LocalScore::events_json that began in tissue, in order of time; none in an empty text.
+std::vector<TickSpan> injectionsIn(const std::string& events_json);
 
 }  // namespace needlelab

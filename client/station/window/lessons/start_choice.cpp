@@ -164,8 +164,10 @@ void StartChoice::update(const BoardState& state, std::int64_t now_unix_ns) {
   server_ = !state.server.empty();
   server_away_ = state.server_away;
   now_unix_ns_ = now_unix_ns;
+  if (std::exchange(lesson_, state.lesson) != state.lesson) chosen_.reset();
   // a new preselection of the station replaces the person's choice
   if (state.choice != preselected_) {
+    chosen_.reset();
     preselected_ = state.choice;
     if (!state.choice.trainee.empty()) trainee_ = state.choice.trainee;
     by_profile_ = state.choice.by_profile;
@@ -246,7 +248,12 @@ std::string StartChoice::standingWanted() const {
 }
 
 void StartChoice::list() {
-  trainees_ = lists_.trainees;
+  trainees_.clear();
+  const std::string typed = lowerCase(typed_name_);
+  for (const std::string& name : lists_.trainees)
+    if (lowerCase(name).find(typed) != std::string::npos ||
+        lowerCase(shown(name)).find(typed) != std::string::npos)
+      trainees_.push_back(name);
   exercises_.clear();
   if (!lists_.profile_file.empty())
     exercises_.push_back({{trainee_, "", true},
@@ -342,15 +349,41 @@ int StartChoice::exercise() const {
 
 void StartChoice::chooseTrainee(const std::string& name) {
   const std::string account = lists_.curriculum ? accountOf(lists_.curriculum->trainees, name) : name;
-  // selects this trainee's next step, not what was chosen for another
+  // keeps what a person chose here; otherwise selects this trainee's next step
   if (account != trainee_) {
-    if (!by_person_) exercise_.clear();
-    by_person_ = by_profile_;
+    if (chosen_)
+      exercise_ = *chosen_;
+    else if (!by_person_)
+      exercise_.clear();
+    by_person_ = by_profile_ || chosen_;
     forgetCode();
   }
   trainee_ = account;
+  typed_by_key_ = false;
   askInAdvance();
   list();
+}
+
+void StartChoice::typeTrainee(const std::string& text, bool by_key) {
+  typed_name_ = text;
+  const std::string typed = lowerCase(text);
+  const auto named = std::find_if(
+      lists_.trainees.begin(), lists_.trainees.end(),
+      [&](const std::string& name) { return lowerCase(name) == typed || lowerCase(shown(name)) == typed; });
+  // the very same letters come first
+  const bool same = std::find(lists_.trainees.begin(), lists_.trainees.end(), text) != lists_.trainees.end();
+  chooseTrainee(same || named == lists_.trainees.end() ? text : *named);
+  typed_by_key_ = by_key;
+}
+
+void StartChoice::showAllTrainees() {
+  typed_name_.clear();
+  list();
+}
+
+bool StartChoice::mayBeBadge() const {
+  return typed_by_key_ && !trainee_.empty() && !lists_.asks_code.empty() &&
+         std::find(lists_.trainees.begin(), lists_.trainees.end(), trainee_) == lists_.trainees.end();
 }
 
 void StartChoice::chooseExercise(int index) {
@@ -359,6 +392,7 @@ void StartChoice::chooseExercise(int index) {
   exercise_ = chosen.exercise;
   by_profile_ = chosen.by_profile;
   by_person_ = true;
+  chosen_ = by_profile_ ? std::nullopt : std::optional(exercise_);
 }
 
 void StartChoice::step(int by) {
@@ -387,6 +421,8 @@ std::string StartChoice::missing() const {
   if (trainee_.empty() && server_) return "Who is practising? Choose or type a name.";
   if (!trainee_.empty())
     if (const Status valid = checkName("this name", trainee_); !valid.ok()) return valid.error().message;
+  if (mayBeBadge())
+    return "No trainee here has this name. Backspace corrects it; to type a new name, click the field first.";
   if (exercises_.empty())
     return !server_ ? "This station has no server and no stored lessons: ask the instructor."
            : server_away_

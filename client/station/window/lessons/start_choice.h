@@ -44,7 +44,8 @@ struct ExerciseRow {
   DueState due = DueState::kNone;
 };
 
-/// Lists and choice. The person's choice survives changes of the lists. The question for the chosen trainee's
+/// Lists and choice. The person's choice survives changes of the lists, and an exercise that a person chose
+/// here stays for another trainee, until a lesson begins. The question for the chosen trainee's
 /// code comes from the server, or from the station itself if the server has asked for this trainee's code
 /// before; the station's own may be left unanswered. Choosing another trainee removes the question and what
 /// was typed.
@@ -61,7 +62,7 @@ class StartChoice {
   /// Exercises for the chosen trainee: the ladder; without the server's courses, assigned ones first, then by
   /// name. The ladder's next step is selected until a person chooses another one.
   [[nodiscard]] const std::vector<ExerciseRow>& exercises() const { return exercises_; }
-  /// Accounts, in the order of the shown names.
+  /// Accounts, in the order of the shown names; of those typed by `typeTrainee`, the ones that fit.
   [[nodiscard]] const std::vector<std::string>& trainees() const { return trainees_; }
   [[nodiscard]] const std::string& trainee() const { return trainee_; }
   /// Returns the name to show for an account: the full name, if the server gave it.
@@ -74,6 +75,16 @@ class StartChoice {
   [[nodiscard]] int exercise() const;
   /// `name`: an account or a shown name.
   void chooseTrainee(const std::string& name);
+  /// Chooses the trainee of this name, in capitals or not, and lists only those in whose account
+  /// or shown name the text is. `by_key`: typed without entering the field; where trainees have codes, it
+  /// must then be a listed one, because a badge reader types, too.
+  void typeTrainee(const std::string& text, bool by_key);
+  /// Lists all trainees again.
+  void showAllTrainees();
+  /// Returns the text of `typeTrainee` that the list follows; empty: it has all trainees.
+  [[nodiscard]] const std::string& typedName() const { return typed_name_; }
+  /// Returns whether a text typed by keys may be a badge: no trainee is listed by it.
+  [[nodiscard]] bool mayBeBadge() const;
   void chooseExercise(int index);
   /// Moves the choice by one, as the arrow keys do; without a choice, selects the first.
   void step(int by);
@@ -111,7 +122,11 @@ class StartChoice {
   std::string trainee_;
   std::string exercise_;  // id; empty: the profile or none
   bool by_profile_ = false;
-  bool by_person_ = false;                // chosen by a person, not the ladder's next step
+  bool by_person_ = false;             // chosen by a person, not the ladder's next step
+  std::optional<std::string> chosen_;  // by a person on this screen; kept for another trainee
+  std::uint64_t lesson_ = 0;           // the last that began
+  std::string typed_name_;
+  bool typed_by_key_ = false;
   std::optional<CodeQuestion> question_;  // of trainee_
   std::uint64_t last_question_ = 0;
   std::uint64_t own_questions_ = 0;

@@ -4,8 +4,8 @@
 #include <imgui/imgui.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -107,146 +107,7 @@ LessonVerdict verdictOf(const LessonOutcome& outcome) {
   return verdict;
 }
 
-// --- force over depth ---
-
-namespace {
-
-constexpr double kOutside_m = 0.005;
-
-struct DepthAxes {
-  ImVec2 corner, size;
-  DepthPlotRange range;
-  [[nodiscard]] float x(double depth_m) const {
-    return corner.x + size.x * static_cast<float>((depth_m - range.from_m) / (range.to_m - range.from_m));
-  }
-  [[nodiscard]] float y(double force_N) const {
-    return corner.y + size.y * static_cast<float>(1 - force_N / range.force_N);
-  }
-};
-
-void drawBands(ImDrawList* draw, const DepthAxes& axes, const TissuesOnLine& way, const SceneView& scene) {
-  const float bottom = axes.corner.y + axes.size.y, end = axes.corner.x + axes.size.x;
-  std::array<float, 4> row_end{};  // where the names end so far; a name without room is omitted
-  for (const TissuesOnLine::Tissue& tissue : way.tissues) {
-    const LayerView& layer = scene.layers[static_cast<std::size_t>(tissue.layer)];
-    if (tissue.top_m >= axes.range.to_m) break;
-    const float left = axes.x(tissue.top_m), right = std::min(end, axes.x(tissue.bottom_m));
-    draw->AddRectFilled({left, axes.corner.y}, {right, bottom}, packed(layer.colour, 0.35F));
-    draw->AddLine({left, axes.corner.y}, {left, bottom}, packed(kLineGrey));
-    if (isTarget(scene, tissue.layer)) continue;
-    // moves names of thin layers to other rows
-    const std::string name = fittedText(layer.name, axes.size.x - 6);
-    const float width = ImGui::CalcTextSize(name.c_str()).x, from = std::min(left + 3, end - width);
-    const auto row = std::ranges::find_if(row_end, [&](float taken) { return from >= taken; });
-    if (row == row_end.end()) continue;
-    *row = from + width + 0.5F * space();
-    draw->AddText(
-        {from, axes.corner.y + 2 + static_cast<float>(row - row_end.begin()) * ImGui::GetTextLineHeight()},
-        packed(kText), name.c_str());
-  }
-  for (const TissuesOnLine::Aim& aim : way.targets) {
-    const float left = axes.x(aim.top_m), right = std::max(left + 2, std::min(axes.x(aim.bottom_m), end));
-    if (left > end) continue;
-    draw->AddRectFilled({left, bottom - 6}, {right, bottom}, packed(kTargetColour));
-    draw->AddRect({left, axes.corner.y}, {right, bottom}, packed(kTargetColour, 0.8F));
-    if (aim.name.empty()) continue;
-    const std::string name = fittedText(aim.name, axes.size.x - 6);
-    const float width = ImGui::CalcTextSize(name.c_str()).x;
-    const ImVec2 from{std::min(left + 3, end - width - 3), bottom - 8 - ImGui::GetTextLineHeight()};
-    draw->AddRectFilled({from.x - 2, from.y}, {from.x + width + 2, bottom - 8}, packed(kBlack, 0.6F));
-    draw->AddText(from, packed(kTargetColour), name.c_str());
-  }
-}
-
-void drawAxes(ImDrawList* draw, const DepthAxes& axes) {
-  const float bottom = axes.corner.y + axes.size.y, line = ImGui::GetTextLineHeight();
-  const AxisTicks depths = axisTicks(1e3 * axes.range.from_m, 1e3 * axes.range.to_m, 7, false);
-  for (const double mm : depths.at) {
-    const std::string text = tickText(mm, depths.decimals);
-    const float x = axes.x(1e-3 * mm);
-    draw->AddLine({x, bottom}, {x, bottom + 4}, packed(kDimText));
-    draw->AddText({x - 0.5F * ImGui::CalcTextSize(text.c_str()).x, bottom + 5}, packed(kDimText),
-                  text.c_str());
-  }
-  const AxisTicks forces = axisTicks(0, axes.range.force_N, 5, false);
-  for (const double force : forces.at) {
-    const std::string text = tickText(force, forces.decimals);
-    const float y = axes.y(force);
-    draw->AddLine({axes.corner.x, y}, {axes.corner.x + axes.size.x, y}, packed(kLineGrey, 0.6F));
-    draw->AddText({axes.corner.x - ImGui::CalcTextSize(text.c_str()).x - 5, y - 0.5F * line},
-                  packed(kDimText), text.c_str());
-  }
-}
-
-// one line per direction, each with its own colour
-void drawGesture(ImDrawList* draw, const DepthAxes& axes, const GestureCurve& curve,
-                 const TissuesOnLine& way) {
-  std::vector<ImVec2> points;
-  bool inward = true, off_way = false;
-  const auto flush = [&] {
-    if (points.size() > 1)
-      draw->AddPolyline(points.data(), static_cast<int>(points.size()),
-                        packed(off_way  ? kDimText
-                               : inward ? kSkyBlue
-                                        : kOrange),
-                        0, 2);
-    if (!points.empty()) points.erase(points.begin(), points.end() - 1);
-  };
-  double turn_m = 0;
-  constexpr double kTurn_m = 1e-3;  // smaller changes are tremor
-  for (const CurvePoint& point : curve) {
-    const double depth = static_cast<double>(point.depth_m);
-    if (std::isnan(depth)) {
-      flush();
-      points.clear();
-      continue;
-    }
-    if (points.empty()) turn_m = depth;
-    turn_m = inward ? std::max(turn_m, depth) : std::min(turn_m, depth);
-    if (std::abs(depth - turn_m) > kTurn_m) {
-      flush();
-      inward = !inward;
-      turn_m = depth;
-    }
-    if (const bool off = isOffWay(point, way); off != off_way) {
-      flush();
-      off_way = off;
-    }
-    points.push_back({axes.x(depth), axes.y(static_cast<double>(point.force_N))});
-  }
-  flush();
-}
-
-}  // namespace
-
-bool isOffWay(const CurvePoint& point, const TissuesOnLine& way) {
-  const auto at_m = static_cast<double>(point.depth_m);
-  return point.layer >= 0 && std::ranges::none_of(way.tissues, [&](const TissuesOnLine::Tissue& tissue) {
-           return tissue.holds(point.layer, at_m);
-         });
-}
-
-TissuesOnLine wayOf(const LessonOutcome& outcome, const SceneView& scene) {
-  const NeedleLine line = outcome.deepest.value_or(lineToTarget(scene));
-  return tissuesOnLine(scene, line, lineReach_m(scene, line.entry_W_m, line.u_W));
-}
-
-DepthPlotRange depthPlotRange(const GestureCurve& curve, const TissuesOnLine& way) {
-  DepthPlotRange range;
-  double deepest = 0, force = 0;
-  for (const CurvePoint& point : curve) {
-    const auto depth = static_cast<double>(point.depth_m);
-    if (std::isnan(depth)) continue;
-    deepest = std::max(deepest, depth);
-    force = std::max(force, static_cast<double>(point.force_N));
-  }
-  for (const TissuesOnLine::Aim& aim : way.targets)
-    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
-  range.from_m = -kOutside_m;
-  range.to_m = std::max(1.08 * deepest, 1e-3 * leastSpanOf(PlotQuantity::kDepth));
-  range.force_N = std::max(1.1 * force, leastSpanOf(PlotQuantity::kForce));
-  return range;
-}
+// --- distance from a line ---
 
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
                  std::span<const double> planned_mm, std::span<const Measure> measures) {
@@ -274,36 +135,6 @@ Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral
     if (roleOf(requirement.measure) == MeasureRole::kPlannedLine) addLimits(plot, requirement, 1e3);
   for (std::size_t i = own; i < plot.limits.size(); ++i) plot.limits[i].text.insert(0, "planned line: ");
   return plot;
-}
-
-void depthPlot(const GestureCurve& curve, const TissuesOnLine& way, const SceneView& scene, ImVec2 size_px) {
-  const WithFont small(Letters::kSmall);
-  const ImVec2 corner = ImGui::GetCursorScreenPos();
-  if (size_px.x <= 0) size_px.x = ImGui::GetContentRegionAvail().x;
-  ImGui::Dummy(size_px);
-  ImDrawList* const draw = ImGui::GetWindowDrawList();
-  const float line = ImGui::GetTextLineHeight(), left = 4.5F * space();
-  draw->AddText(corner, packed(kText), "force over depth, N over mm");
-  // the legend, right of the title
-  const bool off = std::ranges::any_of(curve, [&](const CurvePoint& point) { return isOffWay(point, way); });
-  const char* const words = off ? "— in   — out   — on another line" : "— in   — out";
-  const float x = corner.x + size_px.x - ImGui::CalcTextSize(words).x - space();
-  if (off) draw->AddText({x, corner.y}, packed(kDimText), words);
-  draw->AddText({x, corner.y}, packed(kSkyBlue), "— in");
-  draw->AddText({x + ImGui::CalcTextSize("— in   ").x, corner.y}, packed(kOrange), "— out");
-  const DepthAxes axes{{corner.x + left, corner.y + 1.4F * line},
-                       {size_px.x - left - space(), size_px.y - 2.9F * line},
-                       depthPlotRange(curve, way)};
-  if (axes.size.y < 20) return;
-  const ImVec2 end{axes.corner.x + axes.size.x, axes.corner.y + axes.size.y};
-  draw->PushClipRect(axes.corner, end, true);
-  drawBands(draw, axes, way, scene);
-  draw->PopClipRect();
-  drawAxes(draw, axes);
-  draw->PushClipRect(axes.corner, end, true);
-  drawGesture(draw, axes, curve, way);
-  draw->PopClipRect();
-  draw->AddRect(axes.corner, end, packed(kLineGrey));
 }
 
 // --- the screen ---
@@ -364,23 +195,40 @@ void EndScreen::take(const LessonOutcome& outcome) {
   if (!has_plan) planned_mm_.clear();
 }
 
-bool EndScreen::show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
-                     LessonBoard& board) {
+// The newest samples may come after the outcome.
+void EndScreen::takeReplay(const LessonFollow& lesson) {
+  const GestureTrace& trace = lesson.trace();
+  if (std::exchange(replay_until_s_, trace.lastTime_s()) == trace.lastTime_s()) return;
+  frame_ = SceneFrame{};
+  frame_.plan_W = lesson.plan_W();
+  frame_.show_hand = false;
+  replay_ = insertionReplay(trace, *lesson.scene(), injectionsIn(shown_->summary.syringe_json),
+                            lesson.beginning().rate_hz);
+  if (replay_) frame_.camera = viewOfInsertion(*lesson.scene(), *replay_);
+}
+
+bool EndScreen::show(const BoardState& state, bool changed, const LessonFollow* lesson, bool keys,
+                     bool may_quit, LessonBoard& board) {
   if (!state.outcome) return false;
   if (changed && state.outcome != shown_) {
     shown_ = state.outcome;
     take(*shown_);
   }
+  if (std::exchange(replay_lesson_, state.lesson) != state.lesson) replay_until_s_ = -1;
+  if (lesson == nullptr || shown_->summary.results_from_unix_ns != 0)
+    replay_.reset();
+  else
+    takeReplay(*lesson);
   beginScreen("end");
   {
     const WithFont heading(Letters::kHeading);
     std::string title = exerciseName(state.lists, shown_->summary.exercise);
     if (state.beginning) {
-      const StationLesson& lesson = state.beginning->lesson;
-      title = lesson.exercise ? lesson.exercise->name() : lesson.profile.name();
+      const StationLesson& ended = state.beginning->lesson;
+      title = ended.exercise ? ended.exercise->name() : ended.profile.name();
     }
     const bool exam = state.beginning && state.beginning->lesson.exam;
-    textLine(exam ? "Exam: " + title : title + ": how it went");
+    textBlock(exam ? "Exam: " + title : title + ": how it went");
   }
   const float foot = 9.6F * space();
   const ImVec2 rest = ImGui::GetContentRegionAvail();
@@ -390,7 +238,7 @@ bool EndScreen::show(const BoardState& state, bool changed, const SceneView* sce
   endPanel();
   ImGui::SameLine();
   beginPanel("plots", "", 0, rest.y - foot);
-  showPlots(*shown_, scene);
+  showGesture(*shown_, lesson);
   endPanel();
   const bool quits = showNext(state, keys, may_quit, board);
   endScreen();
@@ -421,14 +269,14 @@ void EndScreen::showVerdict(const std::string& what) {
     if (!verdict_.waits.empty()) textBlock(verdict_.waits);
     if (!verdict_.lowered.empty()) textBlock(verdict_.lowered);
   }
-  if (verdict_.others.empty()) return;
   ImGui::Spacing();
   const bool all = verdict_.required.empty();
-  if (ImGui::CollapsingHeader(all ? "All measures" : "All other measures",
-                              all ? ImGuiTreeNodeFlags_DefaultOpen : 0)) {
+  if (!verdict_.others.empty() && ImGui::CollapsingHeader(all ? "All measures" : "All other measures",
+                                                          all ? ImGuiTreeNodeFlags_DefaultOpen : 0)) {
     const WithFont small(Letters::kSmall);
     for (const VerdictRow& row : verdict_.others) verdictRow(row);
   }
+  showDistance();
 }
 
 // shows by how much, in large letters
@@ -446,15 +294,39 @@ void EndScreen::showMiss(const Miss& miss) {
   ImGui::Spacing();
 }
 
-void EndScreen::showPlots(const LessonOutcome& outcome, const SceneView* scene) {
-  if (outcome.curve.empty() || scene == nullptr) {
+void EndScreen::showGesture(const LessonOutcome& outcome, const LessonFollow* lesson) {
+  if ((outcome.curve.empty() && !replay_) || lesson == nullptr) {
     const WithTextColour dim(kDimText);
     textBlock(outcome.summary.results_from_unix_ns != 0 ? "This is an exam." : "There is nothing to draw.");
     return;
   }
+  const SceneView& scene = *lesson->scene();
+  std::optional<MarkedMoment> marked;
+  if (replay_) {
+    const Moment& now = lesson->trace().at(replay_->at_s);
+    marked = MarkedMoment{replay_->at_s, now.insertion_m, forceOf(now)};
+    if (renderer_.scene() != &scene) renderer_.setScene(lesson->scene());
+    const ImVec2 rest = ImGui::GetContentRegionAvail();
+    insertionPicture(*replay_, now, renderer_, frame_, {rest.x, 0.52F * rest.y});
+    const WithFont small(Letters::kSmall);
+    textBlock(replayText(*replay_, now, scene));
+    insertionLegend(*replay_);
+  }
+  if (outcome.curve.empty()) return;
   const ImVec2 rest = ImGui::GetContentRegionAvail();
-  depthPlot(outcome.curve, wayOf(outcome, *scene), *scene, {rest.x, 0.58F * rest.y});
-  linePlot("lateral", lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_), {rest.x, 0.40F * rest.y});
+  depthPlot(outcome.curve, wayOf(outcome, scene), scene, {rest.x, marked ? rest.y : 0.58F * rest.y}, marked);
+  if (!marked)
+    linePlot("lateral", lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_), {rest.x, 0.40F * rest.y});
+}
+
+// beside a picture of the insertion the distance is in the verdict's panel, open if the exercise limits it
+void EndScreen::showDistance() {
+  if (!replay_ || time_s_.empty()) return;
+  Plot plot = lateralPlot(time_s_, lateral_mm_, planned_mm_, measures_);
+  plot.cursor = replay_->at_s;
+  if (ImGui::CollapsingHeader("Distance from the line",
+                              plot.limits.empty() ? 0 : ImGuiTreeNodeFlags_DefaultOpen))
+    linePlot("lateral", plot, {0, 14 * space()});
 }
 
 bool EndScreen::acceptsKeys() const {
@@ -469,6 +341,11 @@ bool EndScreen::showNext(const BoardState& state, bool keys, bool may_quit, Less
   const auto actions = endActions(state, may_quit);
   auto chosen = actionButtons(actions);
   actionHints(actions);
+  if (replay_) {
+    ImGui::SameLine();
+    const int steps = replaySteps();
+    if (keys) replay_->step(steps);
+  }
   if (keys && !chosen && acceptsKeys()) {
     characters_typed_ = characters_typed_ || ImGui::GetIO().InputQueueCharacters.Size > 0;
     if (const auto by_key = actionByKey(actions)) chosen = endActionByKey(*by_key, characters_typed_);

@@ -1,4 +1,4 @@
-/// The window after a lesson: verdict, reasons, and the choices for the next one.
+/// The window after a lesson: verdict, reasons, where the needle was, and the choices for the next one.
 #pragma once
 
 #include <imgui/imgui.h>
@@ -13,8 +13,11 @@
 #include "client/station/run/lesson/local_score.h"
 #include "client/station/run/lesson_observer.h"
 #include "client/station/window/lessons/lesson_board.h"
+#include "client/station/window/screens/insertion_replay.h"
+#include "client/station/window/screens/lesson_follow.h"
 #include "client/view/model/plot.h"
 #include "client/view/model/scene_view.h"
+#include "client/view/scene/scene_renderer.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/targets/miss.h"
 
@@ -58,27 +61,44 @@ TissuesOnLine wayOf(const LessonOutcome& outcome, const SceneView& scene);
 Plot lateralPlot(std::span<const double> time_s, std::span<const double> lateral_mm,
                  std::span<const double> planned_mm, std::span<const Measure> measures);
 
+/// A moment of the gesture, marked in a plot.
+struct MarkedMoment {
+  double time_s = 0, insertion_m = 0, force_N = 0;
+};
 /// Draws force over depth along the needle: insertion and withdrawal in different colours, what was on
-/// another line in grey; the way's tissues and targets as named bands.
-void depthPlot(const GestureCurve& curve, const TissuesOnLine& way, const SceneView& scene, ImVec2 size_px);
+/// another line in grey; the way's tissues and targets as named bands; `marked` as a line and a dot.
+void depthPlot(const GestureCurve& curve, const TissuesOnLine& way, const SceneView& scene, ImVec2 size_px,
+               const std::optional<MarkedMoment>& marked = {});
 
 /// Thread: the window's.
 class EndScreen {
  public:
-  /// Draws one frame. `changed`: `state` is newer than in the last call. `scene`: the lesson's; may be null.
-  /// `keys`: whether this screen gets the keys. Returns whether the person wants to quit.
-  bool show(const BoardState& state, bool changed, const SceneView* scene, bool keys, bool may_quit,
+  /// `renderer` must outlive it.
+  explicit EndScreen(SceneRenderer& renderer) : renderer_(renderer) {}
+  /// Draws one frame. `changed`: `state` is newer than in the last call. `lesson`: the lesson that ended; may
+  /// be null. `keys`: whether this screen gets the keys. Returns whether the person wants to quit.
+  bool show(const BoardState& state, bool changed, const LessonFollow* lesson, bool keys, bool may_quit,
             LessonBoard& board);
+  /// The insertion that is shown; none before a verdict, without an insertion, and for an exam whose results
+  /// are not released.
+  [[nodiscard]] const std::optional<InsertionReplay>& replay() const { return replay_; }
   /// Returns whether keys count yet: only a moment after the outcome came.
   [[nodiscard]] bool acceptsKeys() const;
 
  private:
   void take(const LessonOutcome& outcome);
+  void takeReplay(const LessonFollow& lesson);
   void showVerdict(const std::string& what);
   void showMiss(const Miss& miss);
-  void showPlots(const LessonOutcome& outcome, const SceneView* scene);
+  void showDistance();
+  void showGesture(const LessonOutcome& outcome, const LessonFollow* lesson);
   bool showNext(const BoardState& state, bool keys, bool may_quit, LessonBoard& board);
 
+  SceneRenderer& renderer_;
+  SceneFrame frame_;
+  std::optional<InsertionReplay> replay_;
+  std::uint64_t replay_lesson_ = 0;  // of replay_, and the last time of its samples
+  double replay_until_s_ = -1;
   std::shared_ptr<const LessonOutcome> shown_;
   std::string session_;            // session of shown_
   double keys_from_s_ = 0;         // earlier keys were meant for the lesson

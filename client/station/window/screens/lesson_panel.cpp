@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "client/station/window/screens/ladder_labels.h"
 #include "client/station/window/screens/station_actions.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
@@ -41,11 +43,6 @@ void drawText(ImDrawList* draw, ImVec2 at, Rgb colour, const std::string& text) 
   draw->AddText(at, packed(colour), text.c_str());
 }
 
-// dark letters on light tissue, light letters on dark tissue
-Rgb lettersOn(Rgb background) {
-  return relativeLuminance(background) > 0.3 ? kBlack : kWhite;
-}
-
 }  // namespace
 
 double ladderDepth_m(const SceneView& scene, double insertion_m) {
@@ -64,6 +61,57 @@ std::optional<double> ladderMark_m(const Moment& now) {
   return now.inside ? now.insertion_m : now.depth_m;
 }
 
+namespace {
+
+// widths beside the scale, in space(): the bands, the tip's mark, the lines to the names
+constexpr float kLadderBand = 3.2F, kLadderMark = 1.8F, kLadderGap = 0.6F;
+
+/// The ladder's width with room for the longest word on the way to the target, and a scale of two digits.
+float ladderNeed_px(const SceneView& scene) {
+  const WithFont small(Letters::kSmall);
+  float word_px = 0;
+  const auto take = [&](const std::string& name) {
+    std::istringstream words(name);
+    for (std::string word; words >> word;) word_px = std::max(word_px, ImGui::CalcTextSize(word.c_str()).x);
+  };
+  for (const TissuesOnLine::Tissue& tissue :
+       tissuesOnLine(scene, lineToTarget(scene), ladderDepth_m(scene)).tissues)
+    take(scene.layers[static_cast<std::size_t>(tissue.layer)].name);
+  for (const TargetView& target : scene.targets) take(target.name);
+  return word_px + ImGui::CalcTextSize("00").x + (1 + kLadderBand + kLadderMark + kLadderGap) * space() + 2;
+}
+
+/// A name beside the ladder, and what it names.
+struct LadderName {
+  std::string text;
+  Rgb mark, letters;
+  float from_px, to_px;  ///< of what it names
+  bool kept;
+};
+
+/// The names from `left_px` to `right_px`, wrapped, each with a line to its band, which ends at `band_px`.
+void drawLadderNames(ImDrawList* draw, std::vector<LadderName> names, float band_px, float left_px,
+                     float right_px, float top_px, float bottom_px) {
+  const auto middle = [](const LadderName& name) { return 0.5F * (name.from_px + name.to_px); };
+  std::stable_sort(names.begin(), names.end(),
+                   [&](const LadderName& a, const LadderName& b) { return middle(a) < middle(b); });
+  const float wrap_px = right_px - left_px, line_px = ImGui::GetTextLineHeight();
+  std::vector<LadderLabel> labels;
+  for (const LadderName& name : names)
+    labels.push_back({middle(name), ImGui::CalcTextSize(name.text.c_str(), nullptr, false, wrap_px).y,
+                      name.to_px - name.from_px, name.kept});
+  const std::vector<float> tops_px = placeLabels(labels, top_px, bottom_px);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (tops_px[i] < 0) continue;
+    draw->AddLine({band_px, middle(names[i])}, {left_px - 0.4F * space(), tops_px[i] + 0.5F * line_px},
+                  packed(names[i].mark, 0.9F), 1.5F);
+    draw->AddText(ImGui::GetFont(), ImGui::GetFontSize(), {left_px, tops_px[i]}, packed(names[i].letters),
+                  names[i].text.c_str(), nullptr, wrap_px);
+  }
+}
+
+}  // namespace
+
 void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, ImVec2 size_px) {
   const bool names = aids.has(pb::Exercise::LAYER), depth = aids.has(pb::Exercise::DEPTH),
              anatomy = aids.has(pb::Exercise::ANATOMY);
@@ -73,13 +121,21 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
   if (size_px.x <= 0) size_px.x = ImGui::GetContentRegionAvail().x;
   ImGui::Dummy(size_px);
   ImDrawList* const draw = ImGui::GetWindowDrawList();
-  const float scale_width = depth ? 4.2F * space() : 0, mark_width = 2.2F * space();
-  const LadderScale ladder{{corner.x + scale_width, corner.y},
-                           {size_px.x - scale_width - mark_width, size_px.y},
-                           ladderDepth_m(scene, now.insertion_m)};
+  const double depth_m = ladderDepth_m(scene, now.insertion_m);
+  const AxisTicks ticks = axisTicks(0, 1e3 * depth_m, 5, false);
+  float scale_width = 0;
+  if (depth)
+    for (const double mm : ticks.at)
+      scale_width =
+          std::max(scale_width, ImGui::CalcTextSize(tickText(mm, ticks.decimals).c_str()).x + space());
+  const float mark_width = kLadderMark * space();
+  const bool beside = names || anatomy;  // names stand beside the bands
+  const float band_width = beside ? kLadderBand * space() : size_px.x - scale_width - mark_width;
+  const LadderScale ladder{{corner.x + scale_width, corner.y}, {band_width, size_px.y}, depth_m};
   const TissuesOnLine way = tissuesOnLine(scene, lineOf(now).value_or(lineToTarget(scene)), ladder.depth_m);
   const float left = ladder.corner.x, right = left + ladder.size.x, bottom = corner.y + size_px.y;
   const float line = ImGui::GetTextLineHeight();
+  std::vector<LadderName> all;
 
   draw->PushClipRect(corner, {corner.x + size_px.x, bottom}, true);
   draw->AddRectFilled({left, corner.y}, {right, ladder.y(0)}, packed(kPanelGrey));
@@ -92,10 +148,8 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
     draw->AddRectFilled({left, top}, {right, end}, packed(colour, here || !names ? 1.0F : 0.65F));
     draw->AddLine({left, top}, {right, top}, packed(kBlack, 0.6F));
     if (here) draw->AddRect({left, top}, {right, end}, packed(kWhite), 0, 0, 2.5F);
-    // omits names that do not fit; the highlight shows them
-    if (names && !(anatomy && isTarget(scene, tissue.layer)) && (end - top >= 0.8F * line || here))
-      drawText(draw, {left + 0.6F * space(), 0.5F * (top + end - line)}, lettersOn(colour),
-               fittedText(layer.name, right - left - 1.2F * space()));
+    if (names && !(anatomy && isTarget(scene, tissue.layer)))
+      all.push_back({layer.name, layer.colour, here ? kWhite : kDimText, top, end, here});
   }
   if (anatomy)
     for (const TissuesOnLine::Aim& aim : way.targets) {
@@ -104,22 +158,16 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
       const float edge = right - 0.9F * space();
       draw->AddRectFilled({edge, y - reach}, {right, y + reach}, packed(kTargetColour));
       draw->AddRect({edge, y - reach}, {right, y + reach}, packed(kWhite));
-      if (aim.name.empty()) continue;
-      const std::string name = fittedText(aim.name, edge - left - 1.2F * space());
-      const ImVec2 from{edge - 0.6F * space() - ImGui::CalcTextSize(name.c_str()).x,
-                        std::clamp(y - 0.5F * line, corner.y, bottom - line)};
-      draw->AddRectFilled({from.x - 3, from.y}, {edge, from.y + line}, packed(kBlack, 0.75F));
-      drawText(draw, from, kTargetColour, name);
+      if (!aim.name.empty())
+        all.push_back({aim.name, kTargetColour, kTargetColour, y - reach, y + reach, true});
     }
-  if (depth) {
-    const AxisTicks ticks = axisTicks(0, 1e3 * ladder.depth_m, 5, false);
+  if (depth)
     for (const double mm : ticks.at) {
       const float y = ladder.y(1e-3 * mm);
       draw->AddLine({left - 0.5F * space(), y}, {left, y}, packed(kDimText));
       drawText(draw, {corner.x, std::min(y - 0.5F * line, bottom - line)}, kDimText,
                tickText(mm, ticks.decimals));
     }
-  }
   if (depth && at_m) {
     // the tip, even outside the tissue
     const float y = ladder.y(std::max(*at_m, -kAboveSkin / (1 - kAboveSkin) * ladder.depth_m));
@@ -132,6 +180,8 @@ void layerLadder(const SceneView& scene, const Moment& now, const AidSet& aids, 
       draw->AddCircle({right - 0.9F * space(), ladder.y(opening_m)}, 0.45F * space(), packed(kWhite), 0, 2);
   }
   draw->AddRect({left, corner.y}, {right, bottom}, packed(kLineGrey));
+  drawLadderNames(draw, std::move(all), right, right + mark_width + kLadderGap * space(),
+                  corner.x + size_px.x, corner.y, bottom);
   draw->PopClipRect();
 }
 
@@ -282,7 +332,10 @@ bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   const bool below = forces && rest > 26 * space();
   const bool beside = forces && !below && !slice;
   const float upper = !ladder && !slice ? (beside ? rest : 0) : below ? 0.52F * rest : rest;
-  const float ladder_width = slice || (beside && ladder) ? 0.42F * width : width;
+  const float ladder_width = slice ? 0.42F * width
+                             : beside && ladder
+                                 ? std::clamp(ladderNeed_px(*lesson.scene()), 0.42F * width, 0.62F * width)
+                                 : width;
   if (ladder) {
     layerLadder(*lesson.scene(), lesson.now(), aids, {ladder_width, upper - gap});
     if (slice || beside) ImGui::SameLine();

@@ -4,9 +4,11 @@
 #include <GLFW/glfw3.h>
 
 #include <imgui/imgui.h>
+#include <imgui/imgui_internal.h>
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -24,6 +26,25 @@ namespace {
 
 // dates come nearer without any input; also the time before the same standing is requested again
 constexpr std::int64_t kDateRefresh_ns = 30'000'000'000;
+
+// a row of a list, wrapped
+bool wrappedRow(const std::string& text, bool selected) {
+  const float wrap_px = ImGui::GetContentRegionAvail().x;
+  const float height_px = ImGui::CalcTextSize(text.c_str(), nullptr, false, wrap_px).y;
+  const ImVec2 at = ImGui::GetCursorPos();
+  const bool pressed = ImGui::Selectable("##row", selected, 0, {0, height_px});
+  const ImVec2 after = ImGui::GetCursorPos();
+  ImGui::SetCursorPos(at);
+  textBlock(text);
+  ImGui::SetCursorPos(after);
+  return pressed;
+}
+
+// without the last letter, which may have several bytes
+void dropLastLetter(std::string& text) {
+  while (!text.empty() && (static_cast<unsigned char>(text.back()) & 0xC0U) == 0x80U) text.pop_back();
+  if (!text.empty()) text.pop_back();
+}
 
 Rgb colourOfRow(const ExerciseRow& row) {
   if (!row.usable) return kDimText;
@@ -46,7 +67,7 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
   if (changed || fresh_ || now_unix_ns - updated_unix_ns_ > kDateRefresh_ns) {
     choice_.update(state, now_unix_ns);
     updated_unix_ns_ = now_unix_ns;
-    if (fresh_ || !ImGui::GetIO().WantTextInput) typed_ = choice_.shown(choice_.trainee());
+    if (fresh_ || (!typing_ && !ImGui::GetIO().WantTextInput)) typed_ = choice_.shown(choice_.trainee());
     fresh_ = false;
   }
   const std::pair chosen_before(choice_.trainee(), choice_.exercise());
@@ -71,6 +92,8 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
   auto chosen = showStation(state, may_quit);
   endPanel();
 
+  keyHint("Letters", "name");
+  ImGui::SameLine();
   keyHint("Left/Right", "trainee");
   ImGui::SameLine();
   keyHint("Up/Down", "exercise");
@@ -88,12 +111,20 @@ bool StartScreen::show(const BoardState& state, bool changed, bool keys, bool ma
       if (ImGui::IsKeyPressed(key)) {
         choice_.stepTrainee(by);
         typed_ = choice_.shown(choice_.trainee());
+        typing_ = false;
       }
+    // the code's field gets the keys a moment after the question came
+    if (typing_ || choice_.codeQuestion() == nullptr) typeName();
     requestStanding(board);
   }
   // what was refused is not for the next trainee
   if (!state.trouble.empty() && chosen_before != std::pair(choice_.trainee(), choice_.exercise()))
     board.change([](BoardState& now) { now.trouble.clear(); });
+  // a text that may be a badge is not left on the screen
+  if (keys && choice_.mayBeBadge() && actionByKey(startActions(true, may_quit)) == kActBegin) {
+    typed_.clear();
+    choice_.typeTrainee(typed_, true);
+  }
   // a question over the screen gets the keys
   if (keys && !chosen) chosen = actionByKey(actions);
   act(chosen, board);
@@ -117,23 +148,63 @@ void StartScreen::showTrainees() {
   ImGui::SetNextItemWidth(-1);
   if (ImGui::InputTextWithHint("##name", "name", text.data(), text.size())) {
     typed_ = text.data();
-    choice_.chooseTrainee(typed_);
+    choice_.typeTrainee(typed_, false);
   }
-  showCode(ImGui::IsItemActive());
+  if (ImGui::IsItemActivated()) typing_ = false;
+  const bool in_field = ImGui::IsItemActive();
+  showTypedName();
+  showCode(in_field || typing_);
   ImGui::Spacing();
+  std::optional<std::string> pressed;
   for (const std::string& name : choice_.trainees()) {
     ImGui::PushID(name.c_str());
-    const std::string shown = choice_.shown(name);
-    if (ImGui::Selectable(shown.c_str(), name == choice_.trainee())) {
-      choice_.chooseTrainee(name);
-      typed_ = shown;
-    }
+    if (wrappedRow(choice_.shown(name), name == choice_.trainee())) pressed = name;
     ImGui::PopID();
   }
-  if (choice_.trainees().empty()) {
-    const WithTextColour dim(kDimText);
-    textBlock("Type a name above. Trainees with assignments are listed here.");
+  if (pressed) {
+    choice_.chooseTrainee(*pressed);
+    typed_ = choice_.shown(*pressed);
+    typing_ = false;
   }
+  if (choice_.trainees().empty() && choice_.typedName().empty()) {
+    const WithTextColour dim(kDimText);
+    textBlock("Trainees with assignments are listed here.");
+  }
+}
+
+// shows the text that is being typed, and how to correct it
+void StartScreen::showTypedName() {
+  const WithFont small(Letters::kSmall);
+  const WithTextColour dim(kDimText);
+  const std::string& typed = choice_.typedName();
+  if (typed.empty()) return textBlock("Type a name: the list follows.");
+  const auto& fit = choice_.trainees();
+  std::string words = typing_ ? "Typing \"" + typed + "\": Backspace corrects."
+                              : "Names with \"" + typed + "\". Backspace shows all.";
+  if (fit.empty())
+    words += " No name here has this in it.";
+  else if (std::find(fit.begin(), fit.end(), choice_.trainee()) == fit.end())
+    words += " Right takes " + choice_.shown(fit.front()) + ".";
+  textBlock(words);
+}
+
+// The screen itself takes letters, so that a name needs no click. The first one begins a new name.
+void StartScreen::typeName() {
+  std::string name = typing_ ? typed_ : std::string();
+  for (const ImWchar letter : ImGui::GetIO().InputQueueCharacters) {
+    if (name.empty() && letter == ' ') continue;
+    std::array<char, 5> bytes{};
+    name += ImTextCharToUtf8(bytes.data(), letter);
+  }
+  if (ImGui::IsKeyPressed(GLFW_KEY_BACKSPACE)) {
+    if (!typing_) return choice_.showAllTrainees();
+    dropLastLetter(name);
+  } else if (name == (typing_ ? typed_ : std::string())) {
+    return;
+  }
+  typing_ = true;
+  typed_ = std::move(name);
+  choice_.typeTrainee(typed_, true);
 }
 
 // Only while there is a question for the chosen trainee's code. Enter begins, as everywhere on this screen.
@@ -174,7 +245,7 @@ void StartScreen::showCode(bool writes_name) {
 
 void StartScreen::showExercises() {
   const int chosen = choice_.exercise();
-  int index = 0;
+  int index = 0, pressed = -1;
   if (const std::string as_of = choice_.asOf(); !as_of.empty())
     conditionLine(Condition::kAttention, as_of + ": it may have changed since");
   for (const ExerciseRow& exercise : choice_.exercises()) {
@@ -183,19 +254,19 @@ void StartScreen::showExercises() {
     if (!exercise.heading.empty()) {
       if (index > 0) ImGui::Spacing();
       const WithTextColour dim(kDimText);
-      textLine(exercise.heading);
+      textBlock(exercise.heading);
       ImGui::Separator();
     }
     {
       const WithTextColour colour(colourOfRow(exercise));
       const std::string number = exercise.number > 0 ? std::to_string(exercise.number) + ". " : "";
-      if (ImGui::Selectable((number + exercise.name).c_str(), index == chosen)) choice_.chooseExercise(index);
+      pressed = wrappedRow(number + exercise.name, index == chosen) ? index : pressed;
     }
     if (!exercise.note.empty()) {
       const WithFont small(Letters::kSmall);
       const WithTextColour colour(colourOfNote(exercise));
       ImGui::Indent();
-      textLine(exercise.note);
+      textBlock(exercise.note);
       ImGui::Unindent();
     }
     if (index == chosen && !exercise.description.empty()) {
@@ -205,15 +276,18 @@ void StartScreen::showExercises() {
       ImGui::Unindent();
     }
     ImGui::PopID();
-    // what Enter begins is on the screen
-    if (index == chosen && scrolled_to_ != exercise.choice) {
+    // What Enter begins is on the screen, with its whole description. A scroll bar that comes wraps it again.
+    const float list_px = ImGui::GetWindowPos().y, end_px = ImGui::GetCursorScreenPos().y;
+    const float place_px = end_px - list_px + ImGui::GetScrollY();
+    if (index == chosen && (scrolled_to_ != exercise.choice || std::abs(scrolled_px_ - place_px) > 1)) {
       scrolled_to_ = exercise.choice;
-      const float list_px = ImGui::GetWindowPos().y;
-      if (top_px < list_px || ImGui::GetCursorScreenPos().y > list_px + ImGui::GetWindowHeight())
-        ImGui::SetScrollHereY();
+      scrolled_px_ = place_px;
+      if (end_px > list_px + ImGui::GetWindowHeight()) ImGui::SetScrollHereY(1);
+      if (top_px < list_px) ImGui::SetScrollFromPosY(top_px - list_px, 0);
     }
     ++index;
   }
+  if (pressed >= 0) choice_.chooseExercise(pressed);
 }
 
 std::optional<int> StartScreen::showStation(const BoardState& state, bool may_quit) {
@@ -262,6 +336,8 @@ std::optional<int> StartScreen::showStation(const BoardState& state, bool may_qu
 void StartScreen::act(std::optional<int> action, LessonBoard& board) {
   if (action == kActLook) board.ask({BoardRequest::Kind::kLook, {choice_.trainee(), "", false}});
   if (action != kActBegin) return;
+  typing_ = false;
+  choice_.showAllTrainees();
   if (const auto choice = choice_.choice())
     board.ask({BoardRequest::Kind::kBegin, *choice, choice_.takeCode()});
 }

@@ -21,6 +21,8 @@ class StartScreen {
 
  private:
   void showTrainees();
+  void showTypedName();
+  void typeName();
   void showCode(bool writes_name);
   void showExercises();
   /// Returns the button that was pressed.
@@ -30,9 +32,11 @@ class StartScreen {
 
   StartChoice choice_;
   std::string typed_;      // the name's field: as shown
+  bool typing_ = false;    // the name, by keys, without entering the field
   std::string asked_for_;  // the trainee whose standing was requested last, and when
   std::int64_t asked_unix_ns_ = 0, updated_unix_ns_ = 0;
   std::optional<LessonChoice> scrolled_to_;
+  float scrolled_px_ = 0;            // where it was then
   std::uint64_t code_question_ = 0;  // for which the code's field is open; 0: none
   bool in_empty_code_ = false;       // the code's field has the keys and is still empty
   bool fresh_ = true;

@@ -1,5 +1,8 @@
 #include "client/station/window/screens/station_actions.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
 #include <fmt/core.h>
 #include <imgui/imgui.h>
 
@@ -32,6 +35,11 @@ std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit) {
                      "other exercise", true});
   if (may_quit) actions.push_back({kActQuit, "Quit", ActionKey::kNone, "", true});
   return actions;
+}
+
+int replaySteps() {
+  keyHint("← →", "last insertion, step by step");
+  return (ImGui::IsKeyPressed(GLFW_KEY_RIGHT) ? 1 : 0) - (ImGui::IsKeyPressed(GLFW_KEY_LEFT) ? 1 : 0);
 }
 
 int endActionByKey(int action, bool characters_typed) {

@@ -31,6 +31,9 @@ std::vector<ScreenAction> startActions(bool can_begin, bool may_quit);
 /// After a lesson. Enter begins the suggested exercise, otherwise the next try, even after a failed lesson.
 /// If no attempt is left there is no next try.
 std::vector<ScreenAction> endActions(const BoardState& state, bool may_quit);
+/// Draws the hint for ← and →, which step through the last insertion, and returns the steps that they ask for
+/// in this frame: −1, 0 or 1; a held key repeats.
+int replaySteps();
 /// Returns what a key's action does after a lesson. `characters_typed`: since the screen came, although
 /// nothing is typed there: somebody, perhaps the next trainee, held a badge to the reader, which ends with
 /// Enter. The key then leads to the Start screen instead of beginning a lesson of the last trainee.

@@ -147,6 +147,48 @@ TEST_P(LettersTest, theStartHasRoomForItsHeadings) {
   EXPECT_THAT(drawn().all(), AllOf(HasSubstr("Theserverisunreachable"), Not(HasSubstr("chunks"))));
 }
 
+TEST_P(LettersTest, aLongDescriptionIsWholeBeforeALesson) {
+  showStart();
+  const std::string description =
+      "From the side, below the acromion: find its edge by feel, take the cap off, go through the deltoid "
+      "muscle to the bursa, stop where the resistance drops, aspirate, and inject slowly.";
+  board_.change([&](BoardState& state) {
+    for (int i = 0; i < 12; ++i) {
+      ListedExercise& listed = state.lists.exercises.emplace_back();
+      listed.exercise_id = "more-" + std::to_string(i);
+      listed.name = "A further exercise with a name that is longer than the list is wide";
+      listed.cached_revision = 1;
+    }
+    state.lists.exercises[9].exercise_id = "long";
+    state.lists.descriptions.push_back({"long", "", "", description});
+    state.choice.exercise = "long";
+  });
+  std::string whole = description;
+  std::erase(whole, ' ');
+  EXPECT_THAT(drawn().all(), AllOf(HasSubstr(whole), HasSubstr("namethatislongerthanthelistiswide")));
+  EXPECT_THAT(drawn().all(), Not(HasSubstr("…")));
+}
+
+TEST_P(LettersTest, aBodysLadderHasWholeNames) {
+  const SampleLesson body = sampleLesson("volumes/shoulder-median");
+  Moment now;
+  now.layer = -1;
+  showStart();
+  const double width_px = 0.16 * GetParam().width_px, height_px = 0.33 * GetParam().height_px;
+  draw(
+      [&] {
+        beginScreen("ladder");
+        layerLadder(*body.scene, now, usualAidSet(),
+                    {static_cast<float>(width_px), static_cast<float>(height_px)});
+        endScreen();
+      },
+      3);
+  const std::string all = DrawnLetters().all();
+  for (const char* name : {"subcutaneousfat", "deltoidmuscle", "subacromialbursa"})
+    EXPECT_THAT(all, HasSubstr(name));
+  EXPECT_THAT(all, Not(HasSubstr("…")));
+}
+
 INSTANTIATE_TEST_SUITE_P(Resolutions, LettersTest,
                          testing::Values(Resolution{1280, 720}, Resolution{1920, 1080},
                                          Resolution{2560, 1440}, Resolution{3840, 2160}),

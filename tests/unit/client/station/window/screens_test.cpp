@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <regex>
 
 #include "client/station/run/lesson/local_score.h"
 #include "common/haptics/gate/force_gate.h"
@@ -15,6 +16,9 @@ namespace needlelab::test {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
 
 class Screens : public TraineeStage {
  protected:
@@ -102,6 +106,40 @@ TEST_F(Screens, startWithTheServerAwayAndALessonThatDidNotBegin) {
   press(screen(), GLFW_KEY_RIGHT);
   picture(2);
   EXPECT_EQ(window_->shown().trouble, "") << "it is not for the next trainee";
+}
+
+TEST_F(Screens, aTypedNameNeedsNoClickAndBackspaceCorrectsIt) {
+  showStart();
+  picture();
+  for (int i = 0; i < 2; ++i) press(screen(), GLFW_KEY_DOWN);  // knee-recess
+  surface_->typeText("mix");
+  picture(5);
+  EXPECT_THAT(DrawnLetters().all(), HasSubstr("Typing\"mix\":Backspacecorrects.Nonameherehasthisinit."));
+  press(screen(), GLFW_KEY_BACKSPACE);
+  picture(2);
+  EXPECT_THAT(DrawnLetters().all(),
+              AllOf(HasSubstr("Typing\"mi\":Backspacecorrects.Righttakesmia."), Not(HasSubstr("zoe"))));
+  surface_->typeText("a");
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  BoardRequest request = board_.waitForRequest(0ms);
+  EXPECT_EQ(request.kind, BoardRequest::Kind::kBegin);
+  EXPECT_EQ(request.choice, (LessonChoice{"mia", "knee-recess", false})) << "the exercise stays";
+}
+
+TEST_F(Screens, aBadgeThatWasNotAskedForBeginsNothingAndIsNotLeft) {
+  showStart();
+  board_.change([](BoardState& state) {
+    state.lists.asks_code = {"tom"};
+    state.choice.trainee = "mia";
+  });
+  picture();
+  surface_->typeText("08154711");
+  picture(9);
+  press(screen(), GLFW_KEY_ENTER);
+  picture(2);
+  EXPECT_FALSE(board_.requestWaits());
+  EXPECT_THAT(DrawnLetters().all(), Not(HasSubstr("0815")));
 }
 
 TEST_F(Screens, startShowsTheLadderAndBeginsTheNextStepByOneKey) {
@@ -452,6 +490,58 @@ TEST_F(Screens, endOfALessonThatWasNotPassed) {
   const BoardRequest request = board_.waitForRequest(0ms);
   EXPECT_EQ(request.kind, BoardRequest::Kind::kBegin);
   EXPECT_EQ(request.choice.exercise, "shoulder-bursa") << "the next try";
+}
+
+TEST_F(Screens, theEndStepsThroughTheLastInsertion) {
+  showEnd(false);
+  picture(30);
+  // by the samples alone: from the entry to the deepest point, and to the exit
+  std::uint64_t from = 0, to = 0, deepest = 0;
+  for (const GestureSample& sample : sample_.samples) {
+    if (sample.layer < 0) continue;
+    if (to == 0 || sample.tick > to + 1) from = deepest = sample.tick;
+    to = sample.tick;
+    if (sample.insertion_m > sample_.samples[deepest].insertion_m) deepest = sample.tick;
+  }
+  double seconds = 1e-3 * static_cast<double>(deepest - from);
+  const auto shows = [&] {
+    static const std::regex line("Lastinsertion,([0-9.]+)sof([0-9.]+)s:([0-9.]+)N,in([a-z]+)");
+    std::smatch found;
+    const std::string all = DrawnLetters().all();
+    ASSERT_TRUE(std::regex_search(all, found, line)) << all;
+    EXPECT_NEAR(std::stod(found[1]), seconds, 0.025) << "kept 100 times a second";
+    EXPECT_NEAR(std::stod(found[2]), 1e-3 * static_cast<double>(to - from), 0.025);
+    const auto tick = from + static_cast<std::uint64_t>(1e3 * std::stod(found[1]));
+    EXPECT_EQ(found[4], layerName(*sample_.scene, sample_.samples[tick].layer));
+  };
+  shows();
+  const RgbaImage before = picture();
+  for (int i = 0; i < 4; ++i) press(screen(), GLFW_KEY_LEFT);
+  seconds -= 1;
+  picture(2);
+  shows();
+  EXPECT_GT(shareThatDiffers(before, picture(), 28), 5e-4) << "the needle, and the line in the plot";
+  press(screen(), GLFW_KEY_RIGHT);
+  seconds += 0.25;
+  picture(2);
+  shows();
+  EXPECT_FALSE(board_.requestWaits());
+}
+
+TEST_F(Screens, theEndOfAnExamWithoutItsResultShowsNothingOfTheNeedle) {
+  showEnd(false);
+  board_.change([](BoardState& state) {
+    auto held = std::make_shared<LessonOutcome>(*state.outcome);
+    held->summary.results_from_unix_ns = 1'780'495'200'000'000'000;
+    held->summary.miss.reset();
+    held->curve.clear();
+    state.outcome = held;
+  });
+  picture(30);
+  EXPECT_THAT(DrawnLetters().all(), AllOf(HasSubstr("Thisisanexam."), Not(HasSubstr("insertion"))));
+  const RgbaImage before = picture();
+  press(screen(), GLFW_KEY_LEFT);
+  EXPECT_LT(shareThatDiffers(before, picture(), 28), 1e-5);
 }
 
 TEST_F(Screens, endShowsHowFarTheNeedleMissed) {

@@ -351,6 +351,57 @@ TEST(StartChoice, theNextStepIsChosenUntilAPersonChooses) {
   EXPECT_EQ(choice.choice()->exercise, "a") << "new lists do not take it away";
 }
 
+TEST(StartChoice, theListFollowsATypedName) {
+  StartChoice choice;
+  choice.update(withLadder(), kNow_ns);
+  EXPECT_THAT(choice.trainees(), ElementsAre("tom", "zoe"));
+  choice.typeTrainee("AI", true);
+  EXPECT_THAT(choice.trainees(), ElementsAre("tom")) << "Tom Tailor";
+  EXPECT_EQ(choice.trainee(), "AI") << "a new name is not taken for a listed one";
+  choice.stepTrainee(1);
+  EXPECT_EQ(choice.trainee(), "tom");
+  choice.typeTrainee("amy zoe", true);
+  EXPECT_EQ(choice.trainee(), "zoe") << "in whatever case";
+  choice.typeTrainee("nobody", true);
+  EXPECT_THAT(choice.trainees(), ElementsAre());
+  choice.showAllTrainees();
+  EXPECT_THAT(choice.trainees(), ElementsAre("tom", "zoe"));
+}
+
+TEST(StartChoice, aCorrectedNameKeepsTheChosenExercise) {
+  StartChoice choice;
+  BoardState state = withLadder();
+  state.lists.exercises[0].assigned_only = true;  // a: not for others than those of its course
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("tom");
+  choice.chooseExercise(0);
+  ASSERT_EQ(choice.choice()->exercise, "a");
+  for (const char* typed : {"z", "zo", "zoe"}) choice.typeTrainee(typed, true);
+  EXPECT_EQ(choice.choice()->exercise, "a");
+  choice.chooseTrainee("tom");
+  EXPECT_EQ(choice.choice()->exercise, "a");
+  // after a lesson the next step is selected again
+  state.lesson = 1;
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("zoe");
+  EXPECT_EQ(choice.choice()->exercise, "d");
+}
+
+TEST(StartChoice, aBadgeIsNoName) {
+  StartChoice choice;
+  BoardState state = withLadder();
+  state.lists.asks_code = {"tom"};
+  choice.update(state, kNow_ns);
+  choice.chooseTrainee("zoe");
+  choice.typeTrainee("08154711", true);
+  EXPECT_TRUE(choice.mayBeBadge());
+  EXPECT_FALSE(choice.choice());
+  choice.typeTrainee("zoe", true);
+  EXPECT_FALSE(choice.mayBeBadge());
+  choice.typeTrainee("a new trainee", false);
+  EXPECT_FALSE(choice.mayBeBadge()) << "in the field";
+}
+
 TEST(StartChoice, aStandingThatComesLaterBringsTheNextStep) {
   StartChoice choice;
   BoardState state = withLadder();
