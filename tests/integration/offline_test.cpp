@@ -331,7 +331,7 @@ TEST_F(OfflineTest, theLadderIsListedOfflineWithItsTimestamp) {
   lab_.startServer();
   Process online("needlelab-station", lab_.stationArguments({"--list-exercises"}), lab_.path("ladder.log"));
   ASSERT_EQ(online.wait(), kExitDone) << online.said();
-  const std::string first = "\nRheumatology: needle injection, the basics\n  1.  ball-free-practice";
+  const std::string first = "\nPhantoms: layered models\n  1.  ball-free-practice";
   EXPECT_THAT(online.said(), HasSubstr(first));
   EXPECT_THAT(online.said(), HasSubstr("Next")) << "0.3 s of it are not a pass";
   EXPECT_THAT(online.said(), Not(HasSubstr("as of")));
