@@ -1,6 +1,7 @@
 # deploy/demo --class: a lab with twelve simulated trainees to explore; sourced by deploy/demo.
 # shellcheck shell=bash
 # Needs bin, root, once, small. Skill only sets how a simulated hand moves: every score is the server's.
+# NEEDLELAB_CLASS_COURSE: bodies (default) or injection-steps, whose phantoms tests/numbers computes by itself.
 
 # name, full name, skill, group, consent to studies
 class_people() {
@@ -67,12 +68,21 @@ class_stop() {
 }
 
 class_demo() {
-  local course=injection-steps stations=3 attempts=3 expert_attempts=6 weeks=4
-  local exercises=(step-1-straight step-2-oblique step-3-capsule step-4-deep step-5-small step-6-beside-a-nerve)
+  local course=${NEEDLELAB_CLASS_COURSE:-bodies} stations=3 attempts=2 expert_attempts=2 weeks=4 samples=$root/db/samples exercises profiles
+  case $course in
+    bodies)
+      samples+=/volumes exercises=(shoulder-median wrist-median knee-median lumbar-median)
+      profiles=("${exercises[@]}") ;;
+    injection-steps)
+      exercises=(step-1-straight step-5-small step-3-capsule step-2-oblique step-4-deep step-6-beside-a-nerve)
+      attempts=3 expert_attempts=6
+      profiles=(deltoid-adult shoulder-posterior knee-adult hip-adult finger-adult carpal-tunnel) ;;
+    *) die "NEEDLELAB_CLASS_COURSE is '$course', allowed is bodies or injection-steps" ;;
+  esac
   local people; people=$(class_people)
   if [ "$small" = yes ]; then
     people=$(grep -E '^(anna|elif|ida|liam)\|' <<<"$people")
-    exercises=(step-1-straight step-5-small) stations=2 attempts=2 expert_attempts=5 weeks=2
+    exercises=("${exercises[@]:0:2}") stations=2 attempts=2 expert_attempts=2 weeks=2
   fi
 
   out=${NEEDLELAB_CLASS_OUT:-$root/out/class}/$(date +%Y%m%d-%H%M%S)-$$
@@ -117,10 +127,10 @@ class_demo() {
   [ -s "$out/port" ] && [ -s "$out/web-port" ] || { cat "$out/server.log"; die "the server did not start"; }
   peer=(--server "127.0.0.1:$(cat "$out/port")" --ca "$data/tls/ca.crt")
 
-  say "assignments, by the manager: the course $course to both years, its second step to year 1 until last week"
+  say "assignments, by the manager: the course $course to both years, ${exercises[1]} to year 1 until last week"
   quietly asks maria assign --group year-1 --course $course --due "$(date -u -d '+14 days' +%Y-%m-%dT18:00Z)"
   quietly asks maria assign --group year-5 --course $course --due "$(date -u -d '+7 days' +%Y-%m-%dT18:00Z)"
-  quietly asks maria assign --group year-1 --exercise step-2-oblique --due "$(date -u -d '-7 days' +%Y-%m-%dT18:00Z)"
+  quietly asks maria assign --group year-1 --exercise "${exercises[1]}" --due "$(date -u -d '-7 days' +%Y-%m-%dT18:00Z)"
   while IFS='|' read -r name full skill group consent; do
     [ "$consent" = no ] || quietly asks maria consent give "$name"
   done <<<"$people"
@@ -170,10 +180,10 @@ class_demo() {
   asks admin check >"$out/check.log" || { cat "$out/check.log"; die "the database does not check"; }
   # the server returns exactly what the repository has
   quietly asks maria curriculum export "$course" --out "$out/course.json"
-  cmp "$out/course.json" "$root/db/samples/$course-curriculum.json" || die "the course came back changed"
-  for name in deltoid-adult shoulder-posterior knee-adult hip-adult finger-adult carpal-tunnel; do
+  cmp "$out/course.json" "$samples/$course-curriculum.json" || die "the course came back changed"
+  for name in "${profiles[@]}"; do
     quietly asks maria profile export "$name" --out "$out/profile.json"
-    cmp "$out/profile.json" "$root/db/samples/$name.json" || die "profile $name came back changed"
+    cmp "$out/profile.json" "$samples/$name.json" || die "profile $name came back changed"
     rm "$out/profile.json"
   done
   if command -v curl >/dev/null; then
@@ -185,10 +195,10 @@ class_demo() {
 
   say "three trainees practise live"
   local last; last=$(tail -1 <<<"$people" | cut -d'|' -f1)
-  practises "lab-$((stations + 1))" anna 0.1 step-1-straight step-5-small & live+=($!)
+  practises "lab-$((stations + 1))" anna 0.1 "${exercises[@]:0:2}" & live+=($!)
   if [ "$small" = no ]; then
-    practises "lab-$((stations + 2))" farid 0.5 step-3-capsule step-1-straight & live+=($!)
-    practises "lab-$((stations + 3))" "$last" 1 step-2-oblique step-4-deep & live+=($!)
+    practises "lab-$((stations + 2))" farid 0.5 "${exercises[2]}" "${exercises[0]}" & live+=($!)
+    practises "lab-$((stations + 3))" "$last" 1 "${exercises[3]}" "${exercises[1]}" & live+=($!)
   fi
   "$bin/needlelab-instructor" "${peer[@]}" --user ines --password-file "$out/ines.password" --headless --json --seconds 8 \
     >"$out/live.log" 2>&1 || { tail -5 "$out/live.log"; die "the live overview failed"; }

@@ -140,7 +140,8 @@ Status ClassStation::one(ClassSession& attempt) {
     attempt.trouble = message.error().message;
     return {};
   }
-  ASSIGN_OR_RETURN(const auto lesson, classLessonOf(*message));
+  ASSIGN_OR_RETURN(const ClassLesson* const known, lessonOf(exercise, *message));
+  const ClassLesson& lesson = *known;
   const auto samples = practiseOnce(lesson, attempt.plan.skill, attempt.plan.seed);
   if (!samples.ok())
     return Error{samples.error().code, name + " at " + exercise + ": " + samples.error().message};
@@ -150,6 +151,14 @@ Status ClassStation::one(ClassSession& attempt) {
   uplink_->add(session, false);
   uplink_->wake();
   return {};
+}
+
+Result<const ClassLesson*> ClassStation::lessonOf(const std::string& exercise, const pb::Lesson& message) {
+  const auto known = lessons_.find(exercise);
+  if (known != lessons_.end() && known->second.profile_revision == message.profile_revision())
+    return &known->second;
+  ASSIGN_OR_RETURN(auto lesson, classLessonOf(message));
+  return &lessons_.insert_or_assign(exercise, std::move(lesson)).first->second;
 }
 
 Result<std::shared_ptr<SpoolSession>> ClassStation::record(const ClassSession& attempt,

@@ -84,6 +84,7 @@ class ClassStation {
 
  private:
   Status one(ClassSession& attempt);
+  Result<const ClassLesson*> lessonOf(const std::string& exercise, const pb::Lesson& message);
   Result<std::shared_ptr<SpoolSession>> record(const ClassSession& attempt, const ClassLesson& lesson,
                                                const std::vector<GestureSample>& samples);
   Status settle(std::vector<ClassSession>& attempts, std::size_t first, std::size_t end);
@@ -93,6 +94,7 @@ class ClassStation {
   const std::vector<std::string>& exercises_;
   std::function<void()> done_;
   std::string station_;
+  std::map<std::string, ClassLesson> lessons_;  // by exercise: a body takes a while to be made ready
   std::unique_ptr<Spool> spool_;
   std::mutex mutex_;  // guards verdicts_
   std::map<std::string, pb::SessionClosed> verdicts_;

@@ -135,7 +135,7 @@ class TenSteps(unittest.TestCase):
         self.assertIn("session COMPLETE", station_says)
         self.assertIn("station-1", instructor_sees)
         listed = at_a_terminal(variable + "needlelab-admin $lab session list", self.folder)
-        self.assertRegex(listed, r"station-1 +tom +shoulder-bursa +complete")
+        self.assertRegex(listed, r"station-1 +tom +shoulder-median +complete")
         table = re.search(r"`(needlelab-admin \$lab results [^`]*)`", self.text)[1]
         at_a_terminal(variable + table, self.folder)
         self.assertIn("Person", (self.folder / "results.csv").read_text(encoding="utf-8"))

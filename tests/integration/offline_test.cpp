@@ -283,11 +283,46 @@ TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   EXPECT_EQ(rows["ball-free-practice"]["on_server"], true);
   EXPECT_EQ(rows["knee-recess"]["cached"], false);
 
-  // nothing cached, no server
-  Process nothing("needlelab-station", {"--list-exercises", "--spool", lab_.path("empty")},
+  // nothing cached, the server away
+  ASSERT_EQ(lab_.stopServer(), kExitDone);
+  Process nothing("needlelab-station", lab_.stationArguments({"--list-exercises"}, lab_.path("empty")),
                   lab_.path("nothing.log"));
   EXPECT_EQ(nothing.wait(), kExitFailed);
   EXPECT_THAT(nothing.said(), HasSubstr("no exercise is cached"));
+
+  // nothing cached, no server
+  Process bodies("needlelab-station",
+                 {"--list-exercises", "--spool", lab_.path("empty"), "--json", lab_.path("bodies.json")},
+                 lab_.path("bodies.log"));
+  EXPECT_EQ(bodies.wait(), kExitDone);
+  EXPECT_THAT(bodies.said(), HasSubstr("yes: built in, profile shoulder-median"));
+  EXPECT_EQ(rowsOf("bodies")["knee-heavy"]["built_in"], true);
+}
+
+TEST_F(OfflineTest, aLessonOnABuiltInBodyIsScoredHereAndUploadedOnceThereIsAServer) {
+  auto station = alone("body", {"--exercise", "wrist-median", "--uncapped", "--hand-speed-m-s", "0.04"});
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
+  EXPECT_THAT(station->said(), HasSubstr("exercise wrist-median is built in"));
+  const auto summary = lab_.summary("body");
+  EXPECT_EQ(summary["score_source"], "station");
+  EXPECT_EQ(summary["samples_lost"], 0);
+  EXPECT_EQ(scoreOf(summary, "target_reached"), 1);
+  EXPECT_EQ(scoreOf(summary, "injected_in_target_share"), 1);
+  const auto required = [](const nlohmann::json& rows) {
+    return std::count_if(rows.begin(), rows.end(), [](const auto& row) {
+      return row.contains("passed") && row["passed"].is_boolean();
+    });
+  };
+  EXPECT_EQ(required(summary["score"]), 9) << "time limit and eight requirements make the verdict";
+
+  lab_.startServer();
+  auto later =
+      lab_.startStation("later", {"--exercise", "ball-free-practice", "--seconds", "0.3", "--drain", "30"});
+  ASSERT_EQ(later->wait(), kExitDone) << later->said();
+  const StoredSession stored = lab_.stored(summary["session_id"]);
+  EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
+  EXPECT_EQ(stored.info.description().exercise_id(), "wrist-median");
+  EXPECT_EQ(stored.chunks, Lab::spooledChunks(lab_.path("spool"), summary["session_id"]));
 }
 
 TEST_F(OfflineTest, theLadderIsListedOfflineWithItsTimestamp) {
@@ -296,7 +331,7 @@ TEST_F(OfflineTest, theLadderIsListedOfflineWithItsTimestamp) {
   lab_.startServer();
   Process online("needlelab-station", lab_.stationArguments({"--list-exercises"}), lab_.path("ladder.log"));
   ASSERT_EQ(online.wait(), kExitDone) << online.said();
-  const std::string first = "\nRheumatology: needle injection, the basics\n  1.  ball-free-practice";
+  const std::string first = "\nPhantoms: layered models\n  1.  ball-free-practice";
   EXPECT_THAT(online.said(), HasSubstr(first));
   EXPECT_THAT(online.said(), HasSubstr("Next")) << "0.3 s of it are not a pass";
   EXPECT_THAT(online.said(), Not(HasSubstr("as of")));

@@ -79,7 +79,7 @@ def rows_of(sheet):
 
 
 def walk(options, office, held):
-    environment = dict(os.environ, NEEDLELAB_CLASS_OUT=str(options.out))
+    environment = dict(os.environ, NEEDLELAB_CLASS_OUT=str(options.out), NEEDLELAB_CLASS_COURSE="injection-steps")
     subprocess.run([spreadsheet.ROOT / "deploy/demo", "--class", "--once", "--small", "--bin", options.bin], env=environment, check=True)
     with tempfile.TemporaryDirectory(prefix="needlelab-libreoffice-") as name:
         folder = pathlib.Path(name)

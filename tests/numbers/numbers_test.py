@@ -32,7 +32,7 @@ def newest_class(folder):
         return folder
     found = sorted(p.parent.parent for p in folder.glob("*/server/needlelab.db"))
     if not found:
-        raise Broken(f"{folder}: no class is there; make one with deploy/demo --class --once")
+        raise Broken(f"{folder}: no class is there; make one with NEEDLELAB_CLASS_COURSE=injection-steps deploy/demo --class --once")
     return found[-1]
 
 

@@ -12,6 +12,7 @@
 #include "client/net/spool/lesson_cache.h"
 #include "client/net/uplink/uplink.h"
 #include "client/station/run/io/terminal.h"
+#include "client/station/run/lesson/built_in.h"
 #include "client/station/run/lesson/curriculum.h"
 #include "common/base/secret.h"
 
@@ -58,6 +59,8 @@ std::vector<std::string> lessonsKept(const StationOptions& options) {
   const Curriculum curriculum = CurriculumCache(options.spool, options.key_file).find();
   const TraineeStanding* const standing = standingIn(curriculum, options.trainee);
   std::vector<std::string> names;
+  if (practisesAlone(options))
+    for (const ListedExercise& exercise : builtInExercises()) names.push_back(exercise.name);
   for (const CachedLesson& lesson : LessonCache(options.spool).list()) {
     const ServerExercise* const exercise = exerciseIn(curriculum, lesson.exercise_id);
     const bool may = exercise != nullptr ? canStart(*exercise, standing) : !lesson.assigned_only;
@@ -224,6 +227,12 @@ Result<StationLesson> LessonFetch::get() {
                (cached.ok() ? "; exercise " + options_.exercise +
                                   " comes from the cache, the samples wait in the spool"
                             : ""));
+  }
+  if (practisesAlone(options_)) {
+    const auto built_in = builtInLesson(options_.exercise);
+    if (!built_in.ok()) return needsServer();
+    logMessage("exercise " + options_.exercise + " is built in; its recording stays in the spool");
+    return lessonOfMessage(options_, *built_in);
   }
   if (!cached.ok()) {
     logMessage(cached.error().message);

@@ -1,5 +1,6 @@
 // Measures of the needle in tissue: depth and forces, targets and hazards, the plan, the syringe.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -10,6 +11,7 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/sim_state.h"
+#include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
 #include "common/scoring/anatomy/bone_contacts.h"
 #include "common/scoring/anatomy/contacts.h"
@@ -246,6 +248,7 @@ class TissueGroup : public SampleGroup {
   }
 
   bool finish(StepWork& work) override {
+    askDepths();
     if (!inefficiency_.finish(work)) return false;
     facts_.entries = counts_.entries;
     facts_.withdrawals = counts_.withdrawals;
@@ -256,17 +259,34 @@ class TissueGroup : public SampleGroup {
   }
 
  private:
-  // in a body it takes a search: not where the tip cannot be deeper than the greatest depth so far
   void addDepth(Vec3 tip_W_m) {
-    const bool is_body = std::holds_alternative<BodyLimb>(gesture_.anatomy.limb);
-    if (is_body && norm(tip_W_m - depth_at_W_m_) + depth_there_m_ <= facts_.depth_m) return;
-    depth_at_W_m_ = tip_W_m;
-    depth_there_m_ = depthAt(gesture_.anatomy, tip_W_m);
-    facts_.depth_m = std::max(facts_.depth_m, depth_there_m_);
+    const Anatomy& anatomy = gesture_.anatomy;
+    if (!std::holds_alternative<BodyLimb>(anatomy.limb)) {
+      facts_.depth_m = std::max(facts_.depth_m, depthAt(anatomy, tip_W_m));
+      return;
+    }
+    tips_W_m_[tips_++] = tip_W_m;
+    if (tips_ == tips_W_m_.size()) askDepths();
+  }
+
+  // In a body it takes a search: not where the tip cannot be deeper than the greatest depth so far, by the
+  // way to where it was asked last, or by one way to the skin. The last tip first: on the way in it is the
+  // deepest.
+  void askDepths() {
+    while (tips_ > 0) {
+      const Vec3 tip_W_m = tips_W_m_[--tips_];
+      if (norm(tip_W_m - depth_at_W_m_) + depth_there_m_ <= facts_.depth_m) continue;
+      if (norm(nearestSkin(gesture_.anatomy.limb, tip_W_m, {0, 0, -1}) - tip_W_m) <= facts_.depth_m) continue;
+      depth_at_W_m_ = tip_W_m;
+      depth_there_m_ = depthAt(gesture_.anatomy, tip_W_m);
+      facts_.depth_m = std::max(facts_.depth_m, depth_there_m_);
+    }
   }
 
   const Gesture& gesture_;
   GestureFacts& facts_;
+  std::array<Vec3, 256> tips_W_m_;  // not yet asked, in order
+  std::size_t tips_ = 0;
   Vec3 depth_at_W_m_;  // where it was asked last
   double depth_there_m_ = std::numeric_limits<double>::infinity();
   int layer_before_ = -1;

@@ -136,7 +136,7 @@ export function access(t) {
     await keyboard.press('Enter');
     await tabTo(page, 'Assign');
     await keyboard.press('Enter');
-    await page.getByText('Rheumatology: needle injection, the basics was assigned to Keyboard (keys).').waitFor();
+    await page.getByText('Phantoms: layered models was assigned to Keyboard (keys).').waitFor();
     assert.deepEqual(
       (await api(page, 'assignments?group=keys')).items.map((a) => [a.course_id, a.group_id]),
       [['rheumatology-basics', 'keys']],

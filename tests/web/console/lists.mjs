@@ -78,7 +78,7 @@ export function longLists(t) {
     // groups before people, each by id or name
     await chooseFrom(field, 'many-07', 'Group: Many 077 (many-077)');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
-    await page.getByText('Knee: suprapatellar recess was assigned to Many 077 (many-077).').waitFor();
+    await page.getByText('Knee phantom: suprapatellar recess was assigned to Many 077 (many-077).').waitFor();
     assert.equal(await field.inputValue(), '', 'ready for the next');
     await page.getByRole('row', { name: /Many 077/ }).waitFor();
     await done(page);

@@ -49,7 +49,7 @@ const kPages = [
   ['/profiles/wrist-adult/revisions', 'ima', /^Revisions of/, null, { 'Save as the newest: revision 1': 'ma' }],
   ['/courses', 'ima', /^Courses$/, null, { 'New course': 'ma' }],
   ['/courses-new', 'ma', /^New course$/, null, { Save: 'ma' }],
-  ['/courses/rheumatology-basics', 'ima', /^Rheumatology/, null, { Save: 'ma', 'Add an exercise': 'ma' }],
+  ['/courses/rheumatology-basics', 'ima', /^Phantoms/, null, { Save: 'ma', 'Add an exercise': 'ma' }],
   ['/courses/rheumatology-basics/revisions', 'ima', /^Revisions of/, null, {}],
   ['/assignments', 'ima', /^Assignments$/, 'people', { Assign: 'ima' }],
   ['/mine', 't', /^My results$/, null, { 'My progress': 't' }],
@@ -66,7 +66,7 @@ const kPages = [
   [
     'SESSION',
     'tima',
-    /^tina: Knee: suprapatellar recess$/,
+    /^tina: Knee phantom: suprapatellar recess$/,
     'SESSION',
     {
       'Samples as CSV': 'tima',
@@ -76,7 +76,13 @@ const kPages = [
     },
   ],
   ['/unknown-trainees', 'ma', /^Unknown trainees$/, null, {}],
-  ['/references/knee-recess', 'ima', /^Experts of Knee: suprapatellar recess$/, null, { 'Save the choice': 'ima' }],
+  [
+    '/references/knee-recess',
+    'ima',
+    /^Experts of Knee phantom: suprapatellar recess$/,
+    null,
+    { 'Save the choice': 'ima' },
+  ],
   ['/exports', 'imar', /^Exports$/, null, { 'Download scores as CSV': 'ima', 'Download the study': 'ar' }],
   ['/retention', 'ma', /^Retention$/, 'retention', { 'Save the policy': 'ma', 'Show what would happen': 'ma' }],
   ['/audit', 'a', /^Audit$/, 'audit', { Filter: 'a' }],

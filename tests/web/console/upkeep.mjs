@@ -133,8 +133,8 @@ export function upkeep(t) {
     await page.getByLabel('What').selectOption('exercise:knee-recess');
     await chooseFrom(page.getByLabel('Assign to'), 'tin', 'tina');
     await page.getByRole('button', { name: 'Assign', exact: true }).click();
-    await page.getByText('Knee: suprapatellar recess was assigned to tina.').waitFor();
-    const ask = page.getByRole('button', { name: 'Withdraw Knee: suprapatellar recess from tina' }),
+    await page.getByText('Knee phantom: suprapatellar recess was assigned to tina.').waitFor();
+    const ask = page.getByRole('button', { name: 'Withdraw Knee phantom: suprapatellar recess from tina' }),
       dialog = page.getByRole('dialog');
     // Enter leaves everything as it is, and what is pressed before the question is to be seen answers nothing
     await pressedWhileItOpens(page, () => ask.click(), ['Tab', 'Enter', 'Enter', 'Escape']);

@@ -33,12 +33,12 @@ async function draw(name, hash, shown) {
   await page.screenshot({ path: join(here, name) });
 }
 const of = (address) => page.evaluate(async (at) => (await fetch(`/api/v1/${at}`)).json(), address);
-const { items } = await of('sessions?trainee=liam&exercise=step-4-deep&verdict=passed');
-await draw('profile.png', '#/profiles/hip-adult', page.getByText(/^Force against the needle over/));
+const { items } = await of('sessions?trainee=liam&exercise=lumbar-median&verdict=passed');
+await draw('profile.png', '#/profiles/lumbar-median', page.getByText(/^Force against the needle over/));
 await draw(
   'session.png',
   `#/sessions/${items[0].description.session_id}`,
   page.getByRole('heading', { name: 'Plots' }),
 );
-await draw('results.png', '#/results?course=injection-steps', page.getByRole('region', { name: 'Results' }));
+await draw('results.png', '#/results?course=bodies', page.getByRole('region', { name: 'Results' }));
 await browser.close();

@@ -61,7 +61,9 @@ void addServer(CLI::App& app, StationOptions& o, RawOptions& raw) {
 void addLesson(CLI::App& app, StationOptions& o) {
   app.option_defaults()->group("Lesson");
   app.add_option("--trainee", o.trainee, "who practises; default, without a server: guest");
-  app.add_option("--exercise", o.exercise, "what: the id of an exercise on the server or in the cache");
+  app.add_option("--exercise", o.exercise,
+                 "what: the id of an exercise on the server or in the cache; without both, of a built-in one "
+                 "(--list-exercises)");
   app.add_option("--profile", o.profile_file, "practise with this profile (JSON) instead of an exercise");
   app.add_option(
          "--code-file", o.code_file,
@@ -398,7 +400,8 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   RawOptions raw;
   CLI::App app{
       "The trainee's program: runs the haptic loop, records every tick, and sends it to the server.\n"
-      "Without a server it works on: samples wait in the spool, exercises come from the cache.",
+      "Without a server it works on: samples wait in the spool, exercises come from the cache. A computer that "
+      "never had a server has built-in exercises.",
       "needlelab-station"};
   addStationOptions(app, o, raw);
 

@@ -13,6 +13,7 @@
 #include "client/net/spool/spool_outlook.h"
 #include "client/station/run/io/station_key.h"
 #include "client/station/run/io/terminal.h"
+#include "client/station/run/lesson/built_in.h"
 #include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
@@ -96,7 +97,9 @@ std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::
   for (const ListedExercise& exercise : exercises) {
     text += padded(exercise.exercise_id, id_width) + padded(exercise.name, name_width) +
             padded(exercise.exam ? "exam" : "", 6);
-    if (exercise.cached_revision) {
+    if (exercise.built_in) {
+      text += "yes: built in, profile " + exercise.profile_id;
+    } else if (exercise.cached_revision) {
       text += fmt::format("yes: profile {}, revision {}", exercise.profile_id, *exercise.cached_revision);
       if (exercise.fetched_unix_ns > 0) {
         const double hours = 1e-9 / 3600 * static_cast<double>(now_unix_ns - exercise.fetched_unix_ns);
@@ -124,6 +127,7 @@ std::string exerciseListJson(const std::vector<ListedExercise>& exercises, const
         {"profile_revision", exercise.cached_revision ? Json(*exercise.cached_revision) : Json(nullptr)},
         {"fetched_unix_ns", exercise.fetched_unix_ns > 0 ? Json(exercise.fetched_unix_ns) : Json(nullptr)},
         {"on_server", exercise.on_server ? Json(*exercise.on_server) : Json(nullptr)},
+        {"built_in", exercise.built_in},
         {"trouble", exercise.trouble}};
     addStep(row, ladder);
     rows.push_back(std::move(row));
@@ -150,8 +154,10 @@ int runListExercises(const StationOptions& options) {
       if (const Status status_of_cache = kept.keep(curriculum); !status_of_cache.ok())
         std::cerr << "station: the list is not kept: " << printable(status_of_cache.error().message) << "\n";
   }
-  const auto exercises = listExercises(LessonCache(options.spool).list(),
-                                       answered ? std::optional(curriculum.exercises) : std::nullopt);
+  const auto exercises = practisesAlone(options)
+                             ? builtInExercises()
+                             : listExercises(LessonCache(options.spool).list(),
+                                             answered ? std::optional(curriculum.exercises) : std::nullopt);
   const bool some = answered || std::any_of(exercises.begin(), exercises.end(),
                                             [](const auto& exercise) { return exercise.cached_revision; });
   std::string text;

@@ -22,6 +22,7 @@ struct ListedExercise {
   std::string trouble;                           ///< why the cached exercise is unusable
   bool assigned_only = false;                    ///< only trainees to whom it is assigned may take it
   bool exam = false;                             ///< belongs to an exam
+  bool built_in = false;                         ///< travels with the program (built_in.h)
 };
 
 /// Updates `curriculum` over a separate connection, with the standing of --trainee if it is given. Errors:
@@ -34,9 +35,9 @@ std::vector<ListedExercise> listExercises(const std::vector<CachedLesson>& cache
 
 std::string exerciseListText(const std::vector<ListedExercise>& exercises, std::int64_t now_unix_ns);
 /// {"version", "machine", "rows": [{"exercise_id", "name", "exam", "profile_id", "cached",
-/// "profile_revision", "fetched_unix_ns", "on_server", "trouble"}]}. The rows of `ladder` also have
-/// "section", "step" (null: none), "state", "locked_by", "attempts_left", "due_unix_ns" and "as_of_unix_ns",
-/// where null means unknown, unlimited or never.
+/// "profile_revision", "fetched_unix_ns", "on_server", "built_in", "trouble"}]}. The rows of `ladder` also
+/// have "section", "step" (null: none), "state", "locked_by", "attempts_left", "due_unix_ns" and
+/// "as_of_unix_ns", where null means unknown, unlimited or never.
 std::string exerciseListJson(const std::vector<ListedExercise>& exercises, const Ladder& ladder = {});
 
 /// Runs `--list-exercises`. Exit code 0 if an exercise is available without the server, or the server

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "client/station/run/checks/list_devices.h"
+#include "client/station/run/lesson/built_in.h"
 #include "client/station/run/lesson/trainee_code.h"
 #include "common/base/secret.h"
 #include "common/base/text/text.h"
@@ -72,6 +73,11 @@ StartLists localLists(const StationOptions& options, const Spool& spool) {
     addTrainees(lists.trainees, kept.trainees);
     lists.descriptions = kept.exercises;
     lists.curriculum = std::make_shared<const Curriculum>(std::move(kept));
+  }
+  if (practisesAlone(options)) {
+    lists.exercises = builtInExercises();
+    lists.curriculum = std::make_shared<const Curriculum>(builtInCurriculum());
+    lists.descriptions = lists.curriculum->exercises;
   }
   return lists;
 }
@@ -263,6 +269,9 @@ void StartChoice::list() {
                           true});
   addLadder();
   addOthers();
+  // alone, Enter begins at once
+  if (exercise_.empty() && !lists_.exercises.empty() && lists_.exercises.front().built_in)
+    exercise_ = lists_.exercises.front().exercise_id;
   if (exercise_.empty() || exercise() >= 0) return;
   // the command line's exercise may be in no list; drops one that is not for this trainee
   const bool not_theirs = std::any_of(

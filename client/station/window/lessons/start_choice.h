@@ -19,7 +19,7 @@
 namespace needlelab {
 
 /// Returns the lists without a server: exercises, trainees and standings from the cache, names from the
-/// command line and the spool's sessions.
+/// command line and the spool's sessions. On a computer that practises alone, the built-in exercises.
 StartLists localLists(const StationOptions& options, const Spool& spool);
 /// Adds the server's exercises and trainees, and the standing of `trainee` (empty: none). Errors: from `ask`;
 /// `lists` is then unchanged.

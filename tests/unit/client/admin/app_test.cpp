@@ -344,6 +344,7 @@ TEST_F(AdminApp, curriculaAndAssignments) {
   good({"user", "add", "tom", "--role", "trainee"});
   const auto curricula = good({"curriculum", "list", "--json"}).rows();
   ASSERT_EQ(curricula.size(), 3u) << "the sample courses";
+  EXPECT_EQ(curricula[0].at("id"), "bodies") << "bodies come before phantoms";
   const std::string exercise = curricula[0].at("exercise_ids")[0];
   EXPECT_EQ(curricula[0].at("exam"), false);
   // Export and import give the same text.

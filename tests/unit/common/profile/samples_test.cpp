@@ -292,6 +292,17 @@ TEST(Samples, theCoursesUseTheirPatientsAndAreCanonical) {
   for (const std::string& id : kPatients) EXPECT_TRUE(used_by_any.contains(id)) << id;
 }
 
+TEST(Samples, noPhantomHasTheNameOfABody) {
+  std::set<std::string> names;
+  for (const std::string file : {"curriculum", "injection-steps-curriculum", "volumes/bodies-curriculum"}) {
+    const auto course = loadCurriculum(kSamples / (file + ".json"));
+    ASSERT_TRUE(course.ok()) << course.error().message;
+    EXPECT_EQ(course->name().starts_with("Phantoms: "), course->id() != "bodies") << course->name();
+    for (const auto& exercise : course->exercises())
+      EXPECT_TRUE(names.insert(exercise.name()).second) << exercise.name() << " stands twice";
+  }
+}
+
 TEST(Samples, theBursasPlanGoesToItsMiddle) {
   const auto course = loadCurriculum(kSamples / "curriculum.json");
   ASSERT_TRUE(course.ok()) << course.error().message;

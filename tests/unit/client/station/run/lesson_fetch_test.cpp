@@ -73,8 +73,10 @@ class LessonFetchTest : public testing::Test {
 
   struct SeesAttempts : LessonObserver {
     std::optional<std::uint32_t> left;
+    StationLesson lesson;
     void began(std::shared_ptr<const LessonBeginning> beginning) override {
       left = beginning->lesson.attempts_left;
+      lesson = beginning->lesson;
     }
   } observer_;
   TempFolder folder_;
@@ -140,6 +142,32 @@ TEST_F(LessonFetchTest, needsForTheServerAreExplainedInTheLabsWords) {
             "need the server: ask the instructor.");
   for (int i = 0; i < 9; ++i) keep("x" + std::to_string(i), false);
   EXPECT_THAT(refusal(), HasSubstr("\"The x5\" and 3 more. Others need"));
+}
+
+TEST_F(LessonFetchTest, aComputerThatNeverHadAServerHasTheBodiesBuiltIn) {
+  options_.servers.clear();
+  for (const char* id : {"shoulder-median", "lumbar-heavy"}) {
+    options_.exercise = id;
+    const Status prepared = prepare();
+    ASSERT_TRUE(prepared.ok()) << prepared.error().message;
+    ASSERT_TRUE(observer_.lesson.exercise);
+    EXPECT_EQ(observer_.lesson.exercise->id(), id);
+    EXPECT_EQ(observer_.lesson.profile.id(), id);
+    EXPECT_GT(observer_.lesson.exercise->requirements_size(), 0) << "what its verdict is made of";
+  }
+  options_.exercise = "shoulder-bursa";
+  EXPECT_THAT(refusal(), HasSubstr("\"Shoulder: subacromial bursa\", \"Wrist: carpal tunnel\", "));
+}
+
+TEST_F(LessonFetchTest, aServersStationHasNoBuiltInLessons) {
+  options_.exercise = "shoulder-median";
+  EXPECT_EQ(refusal(), "The server cannot be reached, and no lessons are stored here: ask the instructor.");
+  keep("ball", false);
+  options_.servers.clear();
+  EXPECT_EQ(
+      refusal(),
+      "This station has no server. These lessons are stored here: \"The ball\". Others need the server: "
+      "ask the instructor.");
 }
 
 }  // namespace

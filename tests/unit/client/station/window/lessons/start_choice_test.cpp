@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "client/station/window/lessons/start_choice.h"
+#include "common/profile/profile.h"
+#include "tests/support/temp_folder.h"
 
 namespace needlelab {
 namespace {
@@ -543,6 +545,41 @@ TEST(StartChoice, exercisesUnknownToTheServerComeLast) {
   ASSERT_GE(rows.size(), 2u);
   EXPECT_EQ(rows[rows.size() - 2], "# Kept on this station");
   EXPECT_EQ(rows.back(), "0 old: ");
+}
+
+// --- the lists without a server
+
+TEST(StartLists, aComputerThatNeverHadAServerListsTheBodies) {
+  const test::TempFolder folder;
+  StationOptions options;
+  options.spool = folder.path() / "spool";
+  const auto spool = std::move(*Spool::open(options.spool));
+  const auto course = loadCurriculum(NEEDLELAB_SAMPLES "/volumes/bodies-curriculum.json");
+  ASSERT_TRUE(course.ok());
+  StartChoice choice;
+  BoardState state;
+  state.lists = localLists(options, *spool);
+  choice.update(state);
+  ASSERT_EQ(static_cast<int>(choice.exercises().size()), course->exercises_size());
+  for (int i = 0; i < course->exercises_size(); ++i) {
+    const ExerciseRow& row = choice.exercises()[static_cast<std::size_t>(i)];
+    EXPECT_EQ(row.choice.exercise, course->exercises(i).id()) << "in the order of the course";
+    EXPECT_EQ(row.name, course->exercises(i).name());
+    EXPECT_EQ(row.description, course->exercises(i).description());
+    EXPECT_TRUE(row.usable) << row.note;
+    EXPECT_EQ(row.note, "");
+  }
+  ASSERT_TRUE(choice.choice()) << "Enter begins: " << choice.missing();
+  EXPECT_EQ(*choice.choice(), (LessonChoice{"", "shoulder-median", false})) << "as guest";
+  choice.chooseTrainee("tom");
+  choice.step(1);
+  EXPECT_EQ(*choice.choice(), (LessonChoice{"tom", "wrist-median", false}));
+
+  options.servers = {{"127.0.0.1", 1}};
+  EXPECT_TRUE(localLists(options, *spool).exercises.empty()) << "a server's exercises are its own";
+  options.servers.clear();
+  options.profile_file = "own.json";
+  EXPECT_TRUE(localLists(options, *spool).exercises.empty());
 }
 
 // --- the lists from a server
