@@ -88,7 +88,12 @@ Status importPeople(CommandContext& context, const std::string& file, const std:
   if (!reply) return Error{reply.error().code, file + ": " + reply.error().message};
   const auto& report = reply->people_import();
   Json rows = Json::array();
+  std::string ignored;
   for (const auto& row : report.rows()) {
+    if (row.what() == pb::PeopleImport::WHAT_UNSPECIFIED) {  // a column of the header
+      if (row.name().empty()) ignored += (ignored.empty() ? "" : ", ") + row.column();
+      continue;
+    }
     rows.push_back({{"line", row.line()},
                     {"name", row.name()},
                     {"what", lowerCase(pb::PeopleImport::What_Name(row.what()))},
@@ -100,6 +105,7 @@ Status importPeople(CommandContext& context, const std::string& file, const std:
           "no rows");
       !done)
     return done;
+  if (!ignored.empty()) context.output.remark("ignored: " + ignored);
   if (report.rows_left_out() > 0)
     context.output.remark(fmt::format("{} more rows are not shown: {}", report.rows_left_out(),
                                       report.faults() > 0 ? "rows with faults come first"
@@ -210,7 +216,8 @@ void addUserCommands(CLI::App& app, const GlobalOptions& global, ChosenCommand& 
   auto* import_people = user->add_subcommand("import", "people from a table: all rows or none");
   import_people
       ->add_option("file", values->file,
-                   "columns name, full_name, role, group, password, code; only name must be there")
+                   "columns name, full_name, role, group, password, code, or usual words for them; only the "
+                   "account (name) must be there, others are ignored")
       ->required()
       ->type_name("FILE.csv");
   import_people

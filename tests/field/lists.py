@@ -41,6 +41,8 @@ def rows(lab):
         yield f"the code {code} is refused", lambda code=code: says(imported(f'name,code\nanna,"{code}"\n'), 2, "format the column as text")
     yield "a code of two people is refused", lambda: says(imported("name,code\nanna,471221\nben,471221\n"), 2, "is the code of line 3, too")
     yield "groups with a comma are asked about", lambda: says(imported("name;group\nanna;autumn-a,autumn-b\n"), 2, "separated by semicolons")
+    registrar = "Matrikelnummer;Nachname;Vorname;E-Mail\n471;Köhler;Anna;a@b\n"
+    yield "a registrar's columns are ignored by name", lambda: says(imported(registrar), 0, "1 added", "ignored: E-Mail")
     yield "a header in other words is shown", lambda: says(imported("nom;role\nanna;trainee\n"), 2, "'nom;role', separated by semicolons")
 
     def with_password(content):

@@ -7,7 +7,9 @@ import {
   meanText,
   measureText,
   placeMarks,
+  placeWords,
   requirementText,
+  rowRemark,
   rowTitle,
   shownUnit,
 } from '../../client/web/app/lib/measures.js';
@@ -59,6 +61,28 @@ test('beside the experts stands what the server says; where it says nothing, not
   assert.match(textOf(Row({ row, title: 'Work against clamping', beside })), /above the experts' range/);
   for (const none of [undefined, { ...beside, place: null, words: '' }])
     assert.doesNotMatch(textOf(Row({ row, title: 'Work against clamping', beside: none })), /expert|range/);
+});
+
+test('a row says each value once: words add only what value, limit and verdict do not say', () => {
+  const row = { measure: 'peak_force_n', value: 2.5, unit: 'N', max: 5, passed: true };
+  assert.equal(rowRemark({ ...row, words: 'Peak force 2.5 N: within the 5 N allowed' }), '');
+  assert.equal(rowRemark({ ...row, passed: false, words: 'Peak force 5 N: just above the 5 N allowed' }), 'just above');
+  assert.equal(rowRemark({ ...row, value: null, passed: false, words: 'You did not inject.' }), 'You did not inject.');
+  assert.equal(rowRemark({ ...row, value: null, passed: undefined, words: 'You did not inject.' }), '');
+  const words = "Peak force 2.5 N: below the experts' range, 3 N to 4 N (12 gestures)";
+  assert.equal(placeWords({ words, n: 12 }, 12), "below the experts' range, 3 N to 4 N");
+  assert.equal(placeWords({ words, n: 12 }, 14), "below the experts' range, 3 N to 4 N (12 gestures)");
+  const beside = { ...row, n: 12, least: 3, greatest: 4, place: 'below', words };
+  const text = textOf(
+    Row({
+      row: { ...row, words: 'Peak force 2.5 N: within the 5 N allowed' },
+      title: 'Peak force',
+      beside,
+      experts: 12,
+    }),
+  );
+  for (const value of ['2.5', '5 N', '3 N', '4 N', 'Peak force'])
+    assert.equal(plain(text).split(new RegExp(`(?<![.\\d])${value}`)).length - 1, 1, `${value} in ${text}`);
 });
 
 test('a row of a score has a name and no identifier, measured or not', () => {

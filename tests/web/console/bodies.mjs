@@ -1,6 +1,6 @@
 // A lesson at a body: on the live page while it runs, then its session with the needle in a cut through the body.
 import assert from 'node:assert/strict';
-import { accessible, done, open, single } from './browser.mjs';
+import { accessible, done, open, printedPages, single } from './browser.mjs';
 import { until } from './lab.mjs';
 import { api } from './week.mjs';
 
@@ -40,6 +40,7 @@ export function bodies(t) {
     const drawn_m = (0.01 * from_entry) / centimetre;
     assert.ok(Math.abs(drawn_m - columns.insertion_m[deepest]) < 0.0015, `${drawn_m} ${columns.insertion_m[deepest]}`);
     await accessible(page, 'a session at a body');
+    assert.ok((await printedPages(t.browser, await t.lab.report(description.session_id))) <= 2, 'the report is short');
     await done(page);
   });
 }

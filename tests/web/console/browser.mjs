@@ -217,6 +217,15 @@ export async function fitsWidth(page, where) {
   assert.ok(over <= 0, `${where} is ${over} px wider than the window`);
 }
 
+/** Number of pages of a printed page; of A4, if it says nothing else. @param {Browser} browser @param {string} html */
+export async function printedPages(browser, html) {
+  const page = await browser.window();
+  await page.setContent(html);
+  const pdf = (await page.pdf({ format: 'A4', preferCSSPageSize: true })).toString('latin1');
+  await done(page);
+  return pdf.match(/\/Type\s*\/Page\b/g).length;
+}
+
 /** The text of the file that a link or button downloads. */
 export async function downloaded(page, press) {
   const [download] = await Promise.all([page.waitForEvent('download'), press()]);

@@ -165,6 +165,27 @@ export class Lab {
     );
   }
 
+  /** The page that the instructor's program writes about a session. @param {string} session_id */
+  async report(session_id) {
+    const file = this.path(`report-${session_id}.html`);
+    const program = this.start('needlelab-instructor', [
+      '--server',
+      `127.0.0.1:${this.ports.stations}`,
+      '--ca',
+      join(this.data, 'tls', 'ca.crt'),
+      '--user',
+      'ines',
+      '--password-file',
+      this.password_file,
+      '--session',
+      session_id,
+      '--report',
+      file,
+    ]);
+    if ((await program.ended) !== 0) throw new Error(`the report: exit ${program.code}: ${program.said}`);
+    return readFileSync(file, 'utf8');
+  }
+
   /** Ends all processes by their ids and removes the folder. */
   async end(keep = false) {
     for (const program of this.programs) if (!program.over) program.child.kill('SIGKILL');

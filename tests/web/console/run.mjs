@@ -31,7 +31,9 @@ async function missing() {
   }
   const { kChromium } = await import('./browser.mjs');
   if (!runs(kChromium)) return `there is no ${kChromium} (Debian's package chromium-headless-shell): run deploy/setup`;
-  const lost = ['needlelab-server', 'needlelab-admin', 'needlelab-station'].find((name) => !runs(join(bin, name)));
+  const lost = ['needlelab-server', 'needlelab-admin', 'needlelab-station', 'needlelab-instructor'].find(
+    (name) => !runs(join(bin, name)),
+  );
   return lost && `${join(bin, lost)} is not built`;
 }
 

@@ -1,6 +1,7 @@
 // A week of a course's manager in the browser, from the class list to the exported scores.
 import assert from 'node:assert/strict';
-import { accessible, chooseFrom, done, downloaded, open, settled, story } from './browser.mjs';
+import { isOfTissueNotMet, measureText } from '../../../client/web/app/lib/measures.js';
+import { accessible, chooseFrom, done, downloaded, open, printedPages, settled, story } from './browser.mjs';
 import { until } from './lab.mjs';
 
 const kClass = ['anna.bauer', 'ben.osei', 'chen.li', 'dora.kovacs'];
@@ -47,6 +48,34 @@ export function week(t) {
     assert.match(await page.getByRole('row', { name: /chen\.li/ }).innerText(), /Li, Chen.*autumn/s);
     const group = await api(page, 'groups/autumn');
     assert.deepEqual(group.members, kClass);
+  });
+
+  it('takes a registrar’s list as it comes: asks once which column is the account, names what it ignores', async () => {
+    await open(page, t.lab, '#/people/import', 'Import people');
+    const list = (row) => `Name;Vorname;E-Mail;Studiengang\r\n${row}\r\n`;
+    const check = async (row) => {
+      await page.getByLabel('The list').fill(list(row));
+      await page.getByRole('button', { name: /^Check/ }).click();
+    };
+    await check('Weiß;Gerd;gerd@uni.example;Medizin');
+    const form = page.getByRole('form', { name: 'Columns of the list' });
+    await form.getByLabel('Account').selectOption('E-Mail');
+    await accessible(page, 'the question about columns');
+    assert.ok(await page.getByRole('button', { name: 'Import', exact: true }).isDisabled());
+    await form.getByRole('button', { name: 'Use these columns' }).click();
+    await page.getByText('Ignored: Studiengang.').waitFor();
+    await page.getByRole('row', { name: /gerd@uni\.example .*added as trainee/ }).waitFor();
+    // the next list with this header is not asked about, even after the page is loaded again
+    await page.reload();
+    await check('Groß;Hanna;hanna@uni.example;Medizin');
+    await page.getByText('“E-Mail” is the account').waitFor();
+    await page.getByText('1 new, 0 changed, 0 unchanged, 0 wrong').first().waitFor();
+    assert.equal(await form.count(), 0);
+    await page.getByRole('button', { name: 'Import', exact: true }).click();
+    await page.getByText('✓ Imported:').waitFor();
+    assert.equal((await api(page, 'people/hanna%40uni.example')).full_name, 'Hanna Groß');
+    await page.getByRole('button', { name: 'Choose again' }).click();
+    await form.getByLabel('Full name').waitFor();
   });
 
   it('makes a patient from another one: drawing and force follow what is typed', async () => {
@@ -332,11 +361,8 @@ export function week(t) {
       .first()
       .waitFor();
     assert.match(
-      await score
-        .getByRole('row', { name: /Peak force [\d.]+ N: within/ })
-        .first()
-        .innerText(),
-      /within the 6 N allowed[\s\S]*at most 6\sN[\s\S]*met/,
+      await score.getByRole('row', { name: /^Peak force [\d.]+\sN/ }).innerText(),
+      /^Peak force\s+[\d.]+\sN\s+at most 6\sN[\s\S]*met/,
     );
     for (const title of ['Force over time', 'Depth over time', 'Speed over time'])
       assert.ok((await page.getByRole('group', { name: title }).locator('canvas').boundingBox()).height > 100);
@@ -371,6 +397,49 @@ export function week(t) {
     await page.getByText(/^0:02\.0: in .* deep, /).waitFor();
     assert.notEqual(await page.locator('.tip-now').first().getAttribute('cy'), before);
     await accessible(page, 'a session');
+  });
+
+  it('shows verdict and replay first, and each value of the score once', async () => {
+    assert.deepEqual(await page.locator('main h2').allInnerTexts(), [
+      'Replay',
+      'Score',
+      'Plots',
+      'Annotations',
+      'Syringe',
+      'Session',
+    ]);
+    const top = async (place) => (await place.boundingBox()).y;
+    const verdict = page.getByText('1 of 4 requirements is not met: ');
+    assert.ok((await top(verdict)) < (await top(page.getByRole('heading', { name: 'Replay' }))));
+    await page.getByRole('slider', { name: 'Moment' }).fill('0');
+    await page.getByText(/further measures$/).click();
+    const id = page.url().split('/').at(-1);
+    const { measures } = await api(page, `sessions/${id}/score`);
+    const text = await page.locator('main').evaluate((main) => {
+      const copy = main.cloneNode(true);
+      copy.querySelectorAll('.visually-hidden, svg').forEach((hidden) => hidden.remove());
+      copy.querySelectorAll('td, th, p, dd').forEach((cell) => cell.append('\n'));
+      return copy.textContent;
+    });
+    const words = (row) => measureText(row.measure, row.value, row.unit, { locale: 'en-GB' });
+    const shown = measures.filter((row) => row.value !== null && !isOfTissueNotMet(row)).map(words);
+    // numbers with decimals and unit, which nothing else on the page has by chance
+    const told = new Set(shown.filter((value) => /\d\.\d+\s\S/.test(value)));
+    assert.ok(told.size > 8, shown.join('; '));
+    for (const value of told) {
+      const found = text
+        .replaceAll('\u00a0', ' ')
+        .split(new RegExp(`(?<![\\d.])${value.replaceAll('\u00a0', ' ')}(?![\\w/])`));
+      assert.equal(found.length - 1, shown.filter((other) => other === value).length, value);
+    }
+    // nor does the list of facts repeat what the score has
+    assert.doesNotMatch(await page.locator('.facts').innerText(), /passed|Length/);
+    const html = await t.lab.report(id);
+    assert.match(
+      html,
+      /<body>\s*<p class='v'>✘ not passed<\/p>\s*<h1>Ben Osei: Knee<\/h1>\s*<p>Patient: Knee, autumn course<\/p>/,
+    );
+    assert.ok((await printedPages(t.browser, html)) <= 2, 'the report fits two A4 pages');
   });
 
   it('an instructor annotates what a manager may only read', async () => {

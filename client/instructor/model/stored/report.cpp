@@ -13,6 +13,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/text/text.h"
+#include "common/base/time/clock.h"
 #include "common/base/units.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/gate/handle_stiffness.h"
@@ -138,22 +139,21 @@ class Collector {
 
 // --- the page
 
+/// On paper: two A4 pages for a usual lesson; facts, events and the measures without a requirement stand in
+/// two columns, the latter without the experts.
 constexpr const char* kStyle =
     "<style>body{font:15px/1.45 'DejaVu Sans',Verdana,sans-serif;color:#1b1f24;max-width:60em;margin:2em "
-    "auto;"
-    "padding:0 "
-    "1em}h1{font-size:1.5em;margin-bottom:.1em}h2{font-size:1.15em;margin-top:2em;border-bottom:1px solid "
-    "#bbb}table{border-collapse:collapse;width:100%}td,th{padding:.25em "
-    ".6em;text-align:left;vertical-align:middle;"
-    "border-bottom:1px solid "
-    "#e3e6ea}th{font-weight:600}.n{text-align:right;white-space:nowrap}.v{font-size:1.1em;"
-    "font-weight:700}.d{color:#59636e}svg{max-width:100%;height:auto;display:inline-block;margin:.35em 0}svg "
-    "text{"
-    "font-size:11px;fill:#333}svg .h{font-weight:600;font-size:12px}svg .q{fill:#59636e}svg "
-    ".g{stroke:#e3e6ea}svg .a{"
-    "stroke:#59636e}svg .m{stroke:#59636e;stroke-dasharray:2 3}svg "
-    ".s{fill:none;stroke-width:1.6;stroke-linejoin:"
-    "round}@media print{body{margin:0}h2{break-after:avoid}tr,svg{break-inside:avoid}}</style>";
+    "auto;padding:0 1em}h1{font-size:1.5em;margin:.1em 0}h2{font-size:1.15em;margin-top:1.6em;border-bottom:"
+    "1px solid #bbb}table{border-collapse:collapse;width:100%}td,th{padding:.25em .6em;text-align:left;"
+    "vertical-align:middle;border-bottom:1px solid #e3e6ea}th{font-weight:600}.n{text-align:right;"
+    "white-space:nowrap}.v{font-size:1.1em;font-weight:700}.r td:nth-child(4){white-space:nowrap}.d{color:#59636e}.p{display:inline-block;width:"
+    "350px;vertical-align:top}svg{max-width:100%;height:auto;display:inline-block;margin:.35em 0}svg text{"
+    "font-size:11px;fill:#333}svg .h{font-weight:600;font-size:12px}svg .q{fill:#59636e}svg .g{stroke:#e3e6ea}"
+    "svg .a{stroke:#59636e}svg .m{stroke:#59636e;stroke-dasharray:2 3}svg .s{fill:none;stroke-width:1.6;"
+    "stroke-linejoin:round}@page{size:A4;margin:10mm 11mm}@media print{body{margin:0;padding:0;max-width:none;"
+    "font-size:8.5pt;line-height:1.25}p{margin:.3em 0}h2{margin:.7em 0 .2em;break-after:avoid}tr,svg,.p{"
+    "break-inside:avoid}td,th{padding:.1em .4em}svg{margin:0;display:block}.e svg{display:inline-block;width:105px}.e br{display:none}.c{columns:2;column-gap:5mm}.c .e{display:none}"
+    ".p{width:32%}}</style>";
 
 std::string heading(const std::string& words) {
   return "<h2>" + htmlText(words) + "</h2>\n";
@@ -175,55 +175,64 @@ std::string headOf(const ReportData& data) {
   // an unreadable profile has no name
   const std::string& patient =
       gesture.scene.profile.name().empty() ? d.profile_id() : gesture.scene.profile.name();
-  std::string out = "<h1>" + htmlText(d.trainee().empty() ? "a trainee" : traineeName(d)) + ": " +
+  std::string out = "<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n<h1>" +
+                    htmlText(d.trainee().empty() ? "a trainee" : traineeName(d)) + ": " +
                     htmlText(data.exercise_name.empty() ? d.exercise_id() : data.exercise_name) +
-                    "</h1>\n<p class='v'>" + htmlText(verdictOf(data)) + "</p>\n";
+                    "</h1>\n<p>Patient: " + htmlText(patient) + "</p>\n";
   if (const auto lowered = stiffnessShareText(stiffnessSharesOf(d), leftOut(d, gesture.scene.profile));
       !lowered.empty())
     out += "<p>" + htmlText(lowered) + "</p>\n";
   if (const auto miss = missOf(gesture.samples, gesture.events, gesture.scene.profile, gesture.scene.X_WL))
     out += "<p>" + htmlText(missText(*miss) + " " + missDirectionText(*miss)) + "</p>\n";
   if (!data.exercise_text.empty()) out += "<p>" + htmlText(data.exercise_text) + "</p>\n";
-  out += "<table>\n" + fact("when and what", gesture.title()) + fact("station", d.station()) +
-         fact("device", d.device()) +
+  out += "<div class='c'><table>\n" + fact("when", localTime(d.started_unix_ns(), TimeForm::kMinute)) +
+         fact("station", d.station()) + fact("device", d.device()) +
          fact("attempt", data.attempt == 0 ? std::string() : std::to_string(data.attempt)) +
-         fact("patient", fmt::format("{}, revision {}", patient, d.profile_revision())) +
+         fact("profile", fmt::format("revision {}", d.profile_revision())) +
          fact("force model", wordsOfName(d.axial_model())) + fact("engine", d.engine_version()) +
-         fact("recording", fmt::format("{} samples, {:.1f} s", gesture.samples.size(),
-                                       gesture.last_s() - gesture.first_s())) +
-         "</table>\n";
+         fact("recording", fmt::format("{} samples", gesture.samples.size())) + "</table></div>\n";
   for (const auto& note : d.device_notes()) out += "<p class='d'>" + htmlText(note) + "</p>\n";
   for (const auto& note : gesture.notes) out += "<p class='d'>" + htmlText(note) + "</p>\n";
   for (const auto& note : data.notes) out += "<p class='d'>" + htmlText(note) + "</p>\n";
   return out;
 }
 
+/// Without name and value, which stand beside it: "above the experts' range, 1.9 N to 2.6 N (6 gestures)".
 std::string expertPlaceCell(const ReportData& data, const Measure& measure) {
   const PlaceRow* const row = placeOf(data, measure.name);
   if (row == nullptr) return {};
-  return svgPlace(row->marks) + "<br><span class='d'>" + htmlText(row->words) + "</span>";
+  const std::size_t colon = row->words.rfind(": ");
+  return svgPlace(row->marks) + "<br><span class='d'>" +
+         htmlText(colon == std::string::npos ? row->words : row->words.substr(colon + 2)) + "</span>";
 }
 
 std::string measuresOf(const ReportData& data) {
   if (data.measures.empty()) return "<p>There is no score yet: the session must be closed first.</p>\n";
-  std::string out = "<table>\n<tr><th></th><th>measure</th><th class='n'>value</th><th>required</th>";
-  out += data.places.empty() ? "</tr>\n" : "<th>beside the experts</th></tr>\n";
   const std::vector<std::string> names = layerNamesOf(data);
+  std::string out;
   // required measures first
   for (const bool required : {true, false}) {
+    std::string rows;
     for (const Measure& measure : data.measures) {
       if (measure.passed.has_value() != required || isOfTissueNotMet(measure)) continue;
-      const char* const sign = !required ? "" : *measure.passed ? "✔" : "✘";
-      out += std::string("<tr><td class='v'>") + sign + "</td><td title='" + htmlText(measure.words) + "'>" +
-             htmlText(measureWords(measure.name, names)) + "</td><td class='n'>" +
-             htmlText(rowText(measure)) + "</td><td>" +
-             htmlText(requirementText(measure.name, measure.unit, measure.min, measure.max)) + "</td>" +
-             (data.places.empty() ? std::string() : "<td>" + expertPlaceCell(data, measure) + "</td>") +
-             "</tr>\n";
+      rows += "<tr>";
+      if (required) rows += std::string("<td class='v'>") + (*measure.passed ? "✔" : "✘") + "</td>";
+      rows += "<td>" + htmlText(measureWords(measure.name, names)) + "</td><td class='n'>" +
+              htmlText(rowText(measure)) + "</td>";
+      if (required)
+        rows += "<td>" + htmlText(requirementText(measure.name, measure.unit, measure.min, measure.max)) +
+                "</td>";
+      if (!data.places.empty()) rows += "<td class='e'>" + expertPlaceCell(data, measure) + "</td>";
+      rows += "</tr>\n";
     }
+    if (rows.empty()) continue;
+    out += std::string(required ? "<div class='r'>" : "<div class='c'>") + "<table>\n<tr>" +
+           (required ? "<th></th>" : "") + "<th>" + (required ? "required measure" : "further measure") +
+           "</th><th class='n'>value</th>" + (required ? "<th>required</th>" : "") +
+           (data.places.empty() ? "" : "<th class='e'>beside the experts</th>") + "</tr>\n" + rows +
+           "</table></div>\n";
   }
-  return out +
-         fmt::format("</table>\n<p class='d'>Definitions of version {}.</p>\n", data.definition_version);
+  return out + fmt::format("<p class='d'>Definitions of version {}.</p>\n", data.definition_version);
 }
 
 std::string eventsOf(const ReportData& data) {
@@ -248,11 +257,11 @@ std::string eventsOf(const ReportData& data) {
   }
   std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.at_s < b.at_s; });
   if (lines.empty()) return "<p>Nothing.</p>\n";
-  std::string out = "<table>\n";
+  std::string out = "<div class='c'><table>\n";
   for (const Line& line : lines)
     out +=
         "<tr><td class='n'>" + clockText(line.at_s, 1) + "</td><td>" + htmlText(line.text) + "</td></tr>\n";
-  return out + "</table>\n";
+  return out + "</table></div>\n";
 }
 
 std::string progressOfTrainee(const ReportData& data) {
@@ -270,10 +279,8 @@ std::string progressOfTrainee(const ReportData& data) {
     span = fittedSpan(plot, span);
     plot.low = span.low;
     plot.high = span.high;
-    out += fmt::format(
-        "<div style='display:inline-block;width:350px;vertical-align:top'>{}<br><span "
-        "class='d'>{}</span></div>\n",
-        svgPlot(plot, {340, 130}), htmlText(row->words));
+    out += fmt::format("<div class='p'>{}<br><span class='d'>{}</span></div>\n", svgPlot(plot, {340, 130}),
+                       htmlText(row->words));
   }
   return out.empty() ? "<p>Fewer than two attempts have a score.</p>\n" : out;
 }
@@ -311,7 +318,7 @@ std::string gesturePlotsOf(const ReportData& data) {
     plot.low.reset();
     plot.high.reset();
     addLimits(plot, which, requirements);
-    out += svgPlot(plot) + "\n";
+    out += svgPlot(plot, {720, 125}) + "\n";
   }
   return out;
 }
@@ -401,8 +408,8 @@ std::string reportHtml(const ReportData& data) {
                     htmlText(data.gesture->title()) + "</title>\n" + kStyle + "</head>\n<body>\n";
   out += headOf(data);
   out += heading("Measures") + measuresOf(data);
-  out += heading("The gesture") + gesturePlotsOf(data);
   out += heading("Events and remarks") + eventsOf(data);
+  out += heading("The gesture") + gesturePlotsOf(data);
   out += heading("Progress at this exercise") + progressOfTrainee(data);
   out += "<p class='d'>needlelab " + programVersion() +
          ". Bar: from the least to the greatest value of the experts; diamond: this "

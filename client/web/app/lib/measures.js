@@ -64,6 +64,26 @@ export function rowTitle(row, kinds, layers = []) {
 }
 
 /**
+ * What a required row's value, limit and verdict do not say: why it was not measured, or that rounding hides the
+ * difference; '' if they say all.
+ * @param {{value: number|null, words?: string, passed?: boolean}} row
+ */
+export function rowRemark({ value, words = '', passed }) {
+  if (typeof passed !== 'boolean') return '';
+  return value === null ? words : (/: (just (?:above|below)) the /.exec(words)?.[1] ?? '');
+}
+
+/**
+ * A comparison's words without the name and value that stand beside them: "above the experts' range, 2 N to 3 N".
+ * @param {{words: string, n?: number}} beside
+ * @param {number} experts as said elsewhere on the page: not repeated
+ */
+export function placeWords({ words, n }, experts) {
+  const place = /: ([^:]*)$/.exec(words)?.[1] ?? words;
+  return n === experts ? place.replace(/ \(\d+ gestures?\)$/, '') : place;
+}
+
+/**
  * Positions of the experts' range and of the value in a picture, from 0 to 1, like placeMarks of common/scoring.
  * @param {{least: number, greatest: number, value: number}} beside a row of the comparison that has a place
  */

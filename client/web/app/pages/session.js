@@ -1,8 +1,8 @@
-// One session: plots, replay, score, remarks, syringe.
+// One session: verdict and replay first, then score, plots, remarks, syringe, and what is known of the session.
 import { kExportFormats } from '../lib/export_formats.js';
 import { advance, atRest, columnsOf, contactsOf, loaded, seek, toggle } from '../lib/recording.js';
 import { href } from '../lib/routes.js';
-import { clock, moment } from '../lib/time.js';
+import { moment } from '../lib/time.js';
 import { counted, words } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { sessions } from '../net/requests.js';
@@ -15,8 +15,8 @@ import { Excuse } from '../session/excuse.js';
 import { Annotations, SyringeEvents } from '../session/notes.js';
 import { Plots } from '../session/plots.js';
 import { Replay } from '../session/replay.js';
-import { Score, useScore } from '../session/score.js';
-import { Verdict, whyItWaits } from './sessions.js';
+import { Judgement, Score, useScore } from '../session/score.js';
+import { whyItWaits } from './sessions.js';
 
 const kPoints = 2000;
 
@@ -57,7 +57,8 @@ function usePlayback(from_s, to_s) {
   return [playback, act];
 }
 
-function Recording({ id, session, measures, person }) {
+/** @param {{id: string, session: any, measures: any[]|undefined, person: any, score: any}} props `score`: drawn below the replay */
+function Recording({ id, session, measures, person, score }) {
   const [window, zoom] = useState(null);
   const whole = useLoad((signal) => sessions.samples(id, { points: kPoints }, signal), [id]);
   const near = useLoad(
@@ -82,38 +83,40 @@ function Recording({ id, session, measures, person }) {
     <${Loaded} load=${whole}>${() =>
       t.length === 0
         ? html`<${Empty} title="There are no samples">The recording is empty, or has been deleted by retention.<//>`
-        : html`
-            <section aria-labelledby="replay-title">
-              <h2 id="replay-title">Replay</h2>
-              ${
-                profile
-                  ? html`<${Replay}
-                      columns=${columns}
-                      session=${session}
-                      contacts=${contacts}
-                      measures=${measures}
-                      playback=${playback}
-                      act=${act}
-                    />`
-                  : html`<p class="help">Without its profile the session cannot be drawn.</p>`
-              }
-            </section>
-            <section aria-labelledby="plots-title">
-              <h2 id="plots-title">Plots</h2>
-              <${Problem} error=${near.error} />
-              <${Plots}
-                columns=${shown}
-                profile=${profile}
-                requirements=${measures}
-                marks=${marks}
-                at=${playback.at_s}
-                seek=${act.seek}
-                window=${window}
-                zoom=${zoom}
-                busy=${near.loading && !!window}
-              />
-            </section>
-          `}<//>
+        : html`<section aria-labelledby="replay-title">
+            <h2 id="replay-title">Replay</h2>
+            ${
+              profile
+                ? html`<${Replay}
+                    columns=${columns}
+                    session=${session}
+                    contacts=${contacts}
+                    measures=${measures}
+                    playback=${playback}
+                    act=${act}
+                  />`
+                : html`<p class="help">Without its profile the session cannot be drawn.</p>`
+            }
+          </section>`}<//>
+    ${score}
+    ${
+      t.length > 0 &&
+      html`<section aria-labelledby="plots-title">
+        <h2 id="plots-title">Plots</h2>
+        <${Problem} error=${near.error} />
+        <${Plots}
+          columns=${shown}
+          profile=${profile}
+          requirements=${measures}
+          marks=${marks}
+          at=${playback.at_s}
+          seek=${act.seek}
+          window=${window}
+          zoom=${zoom}
+          busy=${near.loading && !!window}
+        />
+      </section>`
+    }
     <${Annotations} id=${id} at_s=${playback.at_s} seek=${act.seek} load=${notes} person=${person} />
     <${SyringeEvents} id=${id} seek=${act.seek} />
   `;
@@ -125,15 +128,19 @@ function Remarks({ id, person }) {
   return html`<${Annotations} id=${id} at_s=${0} load=${notes} person=${person} />`;
 }
 
-/** Score and recording: the plots draw the limits of the same score. */
+/** Verdict, recording and score: the plots draw the limits of the same score. */
 function Judged({ id, session, exercise, person }) {
   const load = useScore(session);
+  const score = html`<${Score} session=${session} exercise=${exercise} load=${load} person=${person} />`;
   return html`
-    <${Score} session=${session} exercise=${exercise} load=${load} person=${person} />
+    <${Judgement} session=${session} load=${load} />
     ${
       session.results_from_unix_ms
-        ? html`<${Remarks} id=${id} person=${person} />`
-        : html`<${Recording} id=${id} session=${session} measures=${load.data?.score?.measures} person=${person} />`
+        ? html`
+            ${score}
+            <${Remarks} id=${id} person=${person} />
+          `
+        : html`<${Recording} id=${id} session=${session} measures=${load.data?.score?.measures} person=${person} score=${score} />`
     }
   `;
 }
@@ -173,6 +180,8 @@ export function SessionPage({ params, person }) {
       )
     }<//>
     <${Loaded} load=${load}>${(session) => html`
+      <${Judged} id=${id} session=${session} exercise=${nameOf(d.exercise_id)} person=${person} />
+      <h2>Session</h2>
       <dl class="facts">
         <dt>Begun</dt>
         <dd>${moment(d.started_unix_ms)}, ${d.station}</dd>
@@ -198,8 +207,8 @@ export function SessionPage({ params, person }) {
               sent, left out of pictures and score
             </dd>`
         }
-        <dt>Length</dt>
-        <dd>${clock(session.samples / d.rate_hz)} (${counted(session.samples, 'sample')} at ${d.rate_hz} Hz)</dd>
+        <dt>Recording</dt>
+        <dd>${counted(session.samples, 'sample')} at ${d.rate_hz} Hz</dd>
         <dt>Patient</dt>
         <dd>
           ${
@@ -211,8 +220,6 @@ export function SessionPage({ params, person }) {
         </dd>
         <dt>State</dt>
         <dd>${words(String(session.state).replace('SESSION_', ''))}, engine <span class="long">${d.engine_version}</span>, ${d.device}</dd>
-        <dt>Verdict</dt>
-        <dd><${Verdict} of=${session} /></dd>
         ${
           d.exercise_id &&
           html`<dt>Attempt</dt><dd class="actions"><${AttemptFact} description=${d} person=${person} /></dd>`
@@ -220,13 +227,6 @@ export function SessionPage({ params, person }) {
         <dt>More</dt>
         <dd><a href=${href(['progress', d.trainee], { exercise: d.exercise_id })}>Progress over attempts</a></dd>
       </dl>
-      ${
-        session.state === 'SESSION_OPEN' &&
-        html`<div class="hint">
-          <p>This session is still being recorded: below is what has arrived so far.</p>
-        </div>`
-      }
-      <${Judged} id=${id} session=${session} exercise=${nameOf(d.exercise_id)} person=${person} />
     `}<//>
   `;
 }

@@ -1,6 +1,14 @@
-// A score with its explanation: requirement, verdict in words, and the experts' range.
+// The verdict with its sentence, and the score: values, requirements, and the experts' range.
 import { kMeasures } from '../lib/measure_rows.js';
-import { isOfTissueNotMet, measureText, placeMarks, requirementText, rowTitle } from '../lib/measures.js';
+import {
+  isOfTissueNotMet,
+  measureText,
+  placeMarks,
+  placeWords,
+  requirementText,
+  rowRemark,
+  rowTitle,
+} from '../lib/measures.js';
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { layerNames } from '../lib/tissue.js';
@@ -8,9 +16,10 @@ import { counted } from '../lib/units.js';
 import { stiffnessShareText, verdictOf } from '../lib/verdict.js';
 import { moment } from '../lib/time.js';
 import { measures, references, sessions } from '../net/requests.js';
-import { announce, Empty, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
+import { announce, Loaded, Mark, number as right, Problem, Table } from '../ui/widgets.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
+import { Verdict } from '../pages/sessions.js';
 
 /** The experts' range as a bar, the value as a diamond; the words beside it say the same. */
 function Place({ beside }) {
@@ -29,12 +38,16 @@ function Place({ beside }) {
   </svg>`;
 }
 
-/** @param {{row: any, title: string, beside: any}} props `beside`: the server's comparison with the experts, if it has one */
-export function Row({ row, title, beside }) {
+/**
+ * @param {{row: any, title: string, beside: any, experts: number}} props `beside`: the server's comparison with the
+ * experts, if it has one; `experts`: their number in the table's head
+ */
+export function Row({ row, title, beside, experts }) {
+  const remark = rowRemark(row);
   return html`<tr>
     <th scope="row">
       ${title}
-      ${row.passed !== undefined && html`<p class="explained">${row.words}</p>`}
+      ${remark && html`<p class="explained">${remark}</p>`}
     </th>
     <td class="number">${row.value === null ? 'not measured' : measureText(row.measure, row.value, row.unit)}${row.incomplete ? ' (incomplete)' : ''}</td>
     <td>${requirementText(row) || '–'}</td>
@@ -49,7 +62,7 @@ export function Row({ row, title, beside }) {
       beside?.place
         ? html`
             <${Place} beside=${beside} />
-            <p class="explained">${beside.words}</p>
+            <p class="explained">${placeWords(beside, experts)}</p>
           `
         : ''
     }</td>
@@ -78,7 +91,30 @@ export function useScore({ description: { session_id, exercise_id }, results_fro
   );
 }
 
-/** @param {{session: any, exercise: string, load: any, person: any}} props `exercise`: its name; `load`: of useScore */
+const judgedOf = (rows) => rows.filter((r) => typeof r.passed === 'boolean');
+
+/** One sentence about the verdict. @param {any} session @param {{score: any, kinds: any[]}} judged of useScore */
+function sentenceOf(session, { score, kinds }) {
+  if (session.results_from_unix_ms) return 'This is an exam: your result and its recording are shown from then on.';
+  if (session.state === 'SESSION_OPEN')
+    return 'This session is still being recorded: below is what has arrived so far.';
+  if (!score?.measures?.length) return 'There is no score yet: it is made when the session is closed.';
+  const judged = judgedOf(score.measures),
+    missed = judged.filter((r) => !r.passed);
+  if (judged.length === 0) return 'Nothing was required.';
+  if (missed.length === 0)
+    return judged.length === 1 ? 'The requirement is met.' : `All ${judged.length} requirements are met.`;
+  const titles = missed.map((row) => rowTitle(row, kinds, layerNames(session.description.profile)));
+  return `${missed.length} of ${counted(judged.length, 'requirement')} ${missed.length === 1 ? 'is' : 'are'} not met: ${titles.join(', ')}.`;
+}
+
+/** The verdict and one sentence about it. @param {{session: any, load: any}} props `load`: of useScore */
+export function Judgement({ session, load: { data } }) {
+  const of = data && !session.results_from_unix_ms ? { passed: data.score?.passed } : session;
+  return html`<p class="judgement"><${Verdict} of=${of} /> ${data && sentenceOf(session, data)}</p>`;
+}
+
+/** Nothing before there is a score. @param {{session: any, exercise: string, load: any, person: any}} props `exercise`: its name; `load`: of useScore */
 export function Score({ session, exercise, load, person }) {
   const { session_id, exercise_id } = session.description;
   const lowered = stiffnessShareText(session.description);
@@ -97,47 +133,28 @@ export function Score({ session, exercise, load, person }) {
     load.reload();
     announce(`${counted(next.length, 'session makes', 'sessions make')} the reference of ${exercise} now.`);
   };
-  return html`<section aria-labelledby="score-title">
-    <h2 id="score-title">Score</h2>
-    <${Loaded} load=${load}>${({ score, reference, kinds }) => {
-      if (session.results_from_unix_ms)
-        return html`<${Empty} title="This is an exam">
-          Your result and its recording are shown from ${moment(session.results_from_unix_ms)} on.
-        <//>`;
-      const rows = score?.measures ?? [];
-      if (rows.length === 0)
-        return html`<${Empty} title="There is no score yet">It is made when the session is closed.<//>`;
-      const judged = rows.filter((r) => typeof r.passed === 'boolean'),
-        missed = judged.filter((r) => !r.passed);
-      const layers = layerNames(session.description.profile),
-        titleOf = (row) => rowTitle(row, kinds, layers);
-      const verdict =
-        judged.length === 0
-          ? html`<${Mark} kind="open">no requirements<//>`
-          : missed.length === 0
-            ? html`<${Mark} kind="good">${verdictOf(true)[1]}<//> ${judged.length === 1 ? 'the requirement is met' : `all ${judged.length} requirements are met`}`
-            : html`
-                <${Mark} kind="bad">${verdictOf(false)[1]}<//> ${missed.length} of ${counted(judged.length, 'requirement')} ${missed.length === 1 ? 'is' : 'are'} not
-                met: ${missed.map(titleOf).join(', ')}
-              `;
-      const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
-      // the distance from the experts' paths is measured each time, no matter when the experts were chosen
-      const path =
-        besideOf({ measure: kMeasures.expert_path }) ?? rows.find((r) => r.measure === kMeasures.expert_path);
-      const others = rows.filter(
-        (r) => typeof r.passed !== 'boolean' && !(path && r.measure === kMeasures.expert_path) && !isOfTissueNotMet(r),
-      );
-      const table = (caption, list) => html`<${Table}
+  return html`<${Loaded} load=${load}>${({ score, reference, kinds }) => {
+    const rows = score?.measures ?? [];
+    if (rows.length === 0) return null;
+    const judged = judgedOf(rows),
+      experts = reference?.session_ids?.length ?? 0;
+    const layers = layerNames(session.description.profile),
+      titleOf = (row) => rowTitle(row, kinds, layers);
+    const besideOf = (row) => score.comparison?.find((c) => c.measure === row.measure);
+    // the distance from the experts' paths is measured each time, no matter when the experts were chosen
+    const path = besideOf({ measure: kMeasures.expert_path }) ?? rows.find((r) => r.measure === kMeasures.expert_path);
+    const others = rows.filter(
+      (r) => typeof r.passed !== 'boolean' && !(path && r.measure === kMeasures.expert_path) && !isOfTissueNotMet(r),
+    );
+    const table = (caption, list) => html`<${Table}
         caption=${caption}
-        head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${reference?.session_ids?.length ?? 0})`]}
+        head=${['Measure', right('Value'), 'Required', 'Verdict', `Experts (${experts})`]}
       >${list.map(
-        (row) => html`<${Row} key=${row.measure} row=${row} title=${titleOf(row)} beside=${besideOf(row)} />`,
+        (row) =>
+          html`<${Row} key=${row.measure} row=${row} title=${titleOf(row)} beside=${besideOf(row)} experts=${experts} />`,
       )}<//>`;
-      const made = score.definition_version
-        ? `, by definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}`
-        : '';
-      return html`
-        <p>${verdict}</p>
+    return html`<section aria-labelledby="score-title">
+        <h2 id="score-title">Score</h2>
         ${
           rows.some((r) => r.incomplete) &&
           html`<p><${Mark} kind="warn">incomplete<//> The station stood still for a while: a part of the recording is missing, and no requirement on it can be met. Staff can excuse the attempt.</p>`
@@ -147,7 +164,7 @@ export function Score({ session, exercise, load, person }) {
           path &&
           html`<p>
             Path of the tip: <strong>${measureText(path.measure, path.value, 'm')}</strong> on average from the nearest expert's
-            (DTW). ${path.words && html`<span class="help">${path.words}</span>`}
+            (DTW)${besideOf(path)?.place && `, ${placeWords(besideOf(path), experts)}`}.
           </p>`
         }
         ${
@@ -156,14 +173,20 @@ export function Score({ session, exercise, load, person }) {
             The path's distance from long gestures of experts is not computed yet: load the page again.
           </p>`
         }
-        ${judged.length > 0 && table(`Measures that were required${made}`, judged)}
+        ${judged.length > 0 && table('Measures that were required', judged)}
         ${
           judged.length > 0 && others.length > 0
             ? html`<details>
                 <summary>${counted(others.length, 'further measure')}</summary>
-                ${table(`Further measures${made}`, others)}
+                ${table('Further measures', others)}
               </details>`
-            : others.length > 0 && table(`Measures${made}`, others)
+            : others.length > 0 && table('Measures', others)
+        }
+        ${
+          score.definition_version &&
+          html`<p class="help">By definitions ${score.definition_version}, made ${moment(score.made_unix_ms)}.${
+            score.passed !== session.passed && ` The first score: ${verdictOf(session.passed)[1]}.`
+          }</p>`
         }
         <${Problem} error=${action.error} />
         <div class="actions">
@@ -186,7 +209,6 @@ export function Score({ session, exercise, load, person }) {
             html`<a class="button" href=${href(['references', exercise_id])}>All experts of this exercise</a>`
           }
         </div>
-      `;
-    }}<//>
-  </section>`;
+      </section>`;
+  }}<//>`;
 }

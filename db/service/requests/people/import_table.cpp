@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include "common/base/secret.h"
 #include "common/base/text/text.h"
@@ -46,6 +47,63 @@ bool isRoundedNumber(std::string_view code) {
   return passDigits() && code.empty();
 }
 
+/// Other words for a column, as registrars write them, folded and without spaces and signs. Where a header
+/// has several for one column, the first of this list is taken.
+struct HeaderWord {
+  std::string_view word, column;
+};
+constexpr HeaderWord kHeaderWords[] = {
+    {"account", "name"},
+    {"username", "name"},
+    {"userid", "name"},
+    {"user", "name"},
+    {"login", "name"},
+    {"benutzername", "name"},
+    {"benutzerkennung", "name"},
+    {"kennung", "name"},
+    {"nomdutilisateur", "name"},
+    {"identifiant", "name"},
+    {"studentid", "name"},
+    {"studentnumber", "name"},
+    {"matrikelnummer", "name"},
+    {"matrikelnr", "name"},
+    {"numéroétudiant", "name"},
+    {"displayname", "full_name"},
+    {"vollständigername", "full_name"},
+    {"nomcomplet", "full_name"},
+    {"firstname", "given_name"},
+    {"givenname", "given_name"},
+    {"vorname", "given_name"},
+    {"prénom", "given_name"},
+    {"lastname", "family_name"},
+    {"familyname", "family_name"},
+    {"surname", "family_name"},
+    {"nachname", "family_name"},
+    {"familienname", "family_name"},
+    {"nomdefamille", "family_name"},
+    {"nom", "family_name"},
+    {"groups", "group"},
+    {"class", "group"},
+    {"gruppe", "group"},
+    {"klasse", "group"},
+    {"groupe", "group"},
+    {"classe", "group"},
+};
+/// What the cell "name" means before the other columns are known.
+const std::pair<std::string, int> kPlainName{"name", 0};
+
+/// The column that a header's cell names, and the rank of its word; "" for none of them.
+std::pair<std::string, int> meaningOf(std::string_view cell) {
+  for (const char* const column : {"name", "full_name", "role", "group", "password", "code"})
+    if (isColumn(cell, column)) return {column, 0};
+  std::string word = nameKey(cell);
+  std::erase_if(word, [](char c) { return std::string_view(" _-.'/").find(c) != std::string_view::npos; });
+  const auto* const found = std::find_if(std::begin(kHeaderWords), std::end(kHeaderWords),
+                                         [&](const HeaderWord& one) { return one.word == word; });
+  if (found == std::end(kHeaderWords)) return {};
+  return {std::string(found->column), 1 + static_cast<int>(found - std::begin(kHeaderWords))};
+}
+
 std::string duplicateText(const ImportRow& first, const std::string& name) {
   if (first.person.name == name) return fmt::format("stands in line {} already", first.line);
   return fmt::format(
@@ -64,6 +122,7 @@ Status ImportTable::read(const std::string& csv, std::size_t lines_above) {
     const auto there = rows.next();
     if (!there.ok()) return Error{there.error().code, "csv: " + there.error().message};
     if (is_header) RETURN_IF_ERROR(readHeader(*there, rows));
+    if (is_header && !rows_.empty()) return {};  // without the account no row can be read
     if (!*there) break;
     if (is_header) continue;
     if (rows_.size() == kMaxImportRows)
@@ -117,28 +176,53 @@ void ImportTable::faultEqualCodes() {
   }
 }
 
+/// Finds the columns by their words. `name` beside a full name is the account; otherwise, beside a given name
+/// alone, the family name; otherwise, beside another word for the account, the full name.
 Status ImportTable::readHeader(bool is_there, const CsvRows& rows) {
   if (!is_there) return Error{ErrorCode::kInvalidInput, "csv: is empty; the first line names the columns"};
-  static constexpr std::string_view kColumns[] = {"name", "full_name", "role", "group", "password", "code"};
   const auto cells = rows.cells();
+  std::vector<std::pair<std::string, int>> meant(cells.size());  // the column and the word's rank, 0: its own
+  std::map<std::string, int> best;
+  const auto prefer = [&](const std::string& column, int rank) {
+    const auto found = best.emplace(column, rank).first;
+    found->second = std::min(found->second, rank);
+  };
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (cells[i].empty()) {
       unnamed_.push_back(i);
       continue;
     }
     width_ = i + 1;
-    const auto* const column = std::find_if(std::begin(kColumns), std::end(kColumns),
-                                            [&](std::string_view one) { return isColumn(cells[i], one); });
-    if (column == std::end(kColumns))
-      return Error{ErrorCode::kInvalidInput,
-                   fmt::format("csv: column '{}' is none of name, full_name, role, group, password, code: {}",
-                               printable(std::string(cells[i])), headerText(cells, rows.separator()))};
-    if (!columns_.emplace(std::string(*column), i).second)
-      return Error{ErrorCode::kInvalidInput, fmt::format("csv: column '{}' is there twice", *column)};
+    meant[i] = meaningOf(cells[i]);
+    if (!meant[i].first.empty() && meant[i] != kPlainName) prefer(meant[i].first, meant[i].second);
+  }
+  const std::string plain = best.contains("full_name")                                     ? "name"
+                            : best.contains("given_name") && !best.contains("family_name") ? "family_name"
+                            : best.contains("name")                                        ? "full_name"
+                                                                                           : "name";
+  for (auto& [column, rank] : meant) {
+    if (std::pair(column, rank) != kPlainName) continue;
+    column = plain;
+    prefer(column, rank);
+  }
+  header_line_ = static_cast<std::uint32_t>(rows.line());
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    if (cells[i].empty()) continue;
+    const auto& [column, rank] = meant[i];
+    const bool part = column == "given_name" || column == "family_name";
+    const bool taken = !column.empty() && best.at(column) == rank && !(part && best.contains("full_name"));
+    if (taken && !columns_.emplace(column, i).second)
+      return Error{ErrorCode::kInvalidInput, fmt::format("csv: column '{}' is there twice", column)};
+    header_.push_back(
+        {printable(std::string(cells[i].substr(0, kMaxColumnBytes))), taken ? column : std::string()});
+    in_own_words_ = in_own_words_ && taken && rank == 0;
   }
   if (columns_.contains("name")) return {};
-  return Error{ErrorCode::kInvalidInput,
-               "csv: there is no column 'name': " + headerText(cells, rows.separator())};
+  ImportRow row;
+  row.line = header_line_;
+  row.fault("name", "no column is known as the account: " + headerText(cells, rows.separator()));
+  rows_.push_back(std::move(row));
+  return {};
 }
 
 void ImportTable::add(const CsvRows& rows) {
@@ -152,6 +236,9 @@ void ImportTable::add(const CsvRows& rows) {
   };
   row.person.name = trimmedName(cell("name"));
   row.person.full_name = cell("full_name");
+  for (const char* const part : {"given_name", "family_name"})
+    if (const std::string one = cell(part); !one.empty())
+      row.person.full_name += (row.person.full_name.empty() ? "" : " ") + one;
   row.full_name_given = !row.person.full_name.empty();
   row.password = cell("password");
   row.has_password = !row.password.empty();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,9 @@ inline constexpr std::size_t kMaxImportMemberships = 20'000;
 inline constexpr std::size_t kMaxImportRows = 5000;
 /// Passwords and codes; each takes 0.1 s to hash.
 inline constexpr std::size_t kMaxImportSecrets = 200;
+
+/// A column's name as it is reported; the rest is cut.
+inline constexpr std::size_t kMaxColumnBytes = 200;
 
 /// A row to import.
 struct ImportRow {
@@ -50,6 +54,13 @@ struct ImportRow {
   }
 };
 
+/// A named column of the header.
+struct ImportColumn {
+  std::string cell;  ///< as written, printable
+  /// name, full_name, given_name, family_name, role, group, password, code; "": ignored
+  std::string taken_as;
+};
+
 /// Reads a table and checks each row on its own. Wipes its secrets on destruction. Thread: a single one.
 class ImportTable {
  public:
@@ -59,10 +70,19 @@ class ImportTable {
   ImportTable& operator=(const ImportTable&) = delete;
   ~ImportTable() { wipeSecrets(); }
 
-  /// kInvalidInput: a fault of the table as a whole. Faults of rows are noted in them.
+  /// Columns may have other words in English, German or French, and unknown ones are ignored. kInvalidInput:
+  /// a fault of the table as a whole. Faults of rows are noted in them; a header without the account is the
+  /// only row.
   Status read(const std::string& csv, std::size_t lines_above);
   [[nodiscard]] std::vector<ImportRow>& rows() { return rows_; }
   [[nodiscard]] const std::vector<ImportRow>& rows() const { return rows_; }
+  /// The header's columns, if one of them is ignored or has another word than needlelab's own; otherwise
+  /// none.
+  [[nodiscard]] std::span<const ImportColumn> foreignColumns() const {
+    return in_own_words_ ? std::span<const ImportColumn>() : header_;
+  }
+  /// The header's line, from 1.
+  [[nodiscard]] std::uint32_t headerLine() const { return header_line_; }
   void wipeSecrets();
 
  private:
@@ -73,6 +93,9 @@ class ImportTable {
 
   const std::int64_t now_unix_ns_;
   std::map<std::string, std::size_t, std::less<>> columns_;
+  std::vector<ImportColumn> header_;
+  std::uint32_t header_line_ = 0;
+  bool in_own_words_ = true;
   std::vector<std::size_t> unnamed_;          ///< columns without a name
   std::size_t width_ = 0;                     ///< cells in the header, up to its last name
   std::map<std::string, std::size_t> lines_;  ///< indices into rows_, by nameKey()

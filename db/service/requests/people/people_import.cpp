@@ -24,9 +24,12 @@ namespace {
 constexpr std::size_t kMaxRightsGiven = 300;
 constexpr int kMaxRowsTold = 2000;
 constexpr std::size_t kMaxReportBytes = 600'000;
+constexpr std::size_t kMaxColumnsTold = 100;
 static_assert(kMaxRightsGiven >= kMaxImportSecrets);
 // a row has two full names of 200 bytes, some group names, and words
-static_assert(kMaxRightsGiven * (2 * 200 + 10 * kMaxNameBytes + 500) < kMaxReportBytes);
+static_assert(kMaxRightsGiven * (2 * 200 + 10 * kMaxNameBytes + 500) +
+                  kMaxColumnsTold * (kMaxColumnBytes + 100) <
+              kMaxReportBytes);
 static_assert(kMaxReportBytes + kMaxImportRows * (kMaxNameBytes + 3) <
               kMaxReplyBytes);  // PeopleImport.roles_changed
 
@@ -135,11 +138,23 @@ class PeopleImporter {
     return {};
   }
 
-  /// Reports faults, then rows that give rights, then the others. Without faults, all rows that give rights
-  /// fit.
+  /// Reports the columns of a foreign header (rows without `what`; `column` is the header's word, `name` what
+  /// it is taken as), then faults, then rows that give rights, then the others. Without faults, all rows that
+  /// give rights fit.
   void report(pb::PeopleImport& report) const {
     enum class Told { kFault, kRights, kOther };
-    std::size_t bytes = 0;
+    const auto columns = table_.foreignColumns();
+    for (const ImportColumn& column : columns.first(std::min(columns.size(), kMaxColumnsTold))) {
+      auto& told = *report.add_rows();
+      told.set_line(table_.headerLine());
+      told.set_name(column.taken_as);
+      told.set_column(column.cell);
+      told.set_text(column.taken_as.empty()
+                        ? "ignored"
+                        : "is the " + (column.taken_as == "name" ? "account" : wordsOfName(column.taken_as)));
+    }
+    const int columns_told = report.rows_size();
+    std::size_t bytes = report.ByteSizeLong();
     for (const Told turn : {Told::kFault, Told::kRights, Told::kOther}) {
       for (const ImportRow& row : rows_) {
         const Told kind = row.what == pb::PeopleImport::FAULT ? Told::kFault
@@ -157,7 +172,7 @@ class PeopleImporter {
       }
     }
     report.set_rows_left_out(static_cast<std::uint32_t>(rows_.size()) -
-                             static_cast<std::uint32_t>(report.rows_size()));
+                             static_cast<std::uint32_t>(report.rows_size() - columns_told));
     const auto count = [&](pb::PeopleImport::What what) {
       return static_cast<std::uint32_t>(
           std::count_if(rows_.begin(), rows_.end(), [&](const auto& row) { return row.what == what; }));

@@ -283,8 +283,6 @@ TEST_F(PeopleCommands, aFileWithoutAPeopleTableIsRefusedByName) {
   const std::pair<std::string, std::string> cases[] = {
       {"", "is empty"},
       {"name\n", "has a header and no rows"},
-      {"full_name\nAnna\n", "there is no column 'name'"},
-      {"name,colour\nanna,red\n", "column 'colour' is none of name, full_name, role, group, password, code"},
       {"name,name\nanna,anna\n", "column 'name' is there twice"},
       {"name\n\"anna\n", "line 2: a quote is not closed"},
       {"name\nZo\xeb\n", "is not UTF-8"},
@@ -299,6 +297,19 @@ TEST_F(PeopleCommands, aFileWithoutAPeopleTableIsRefusedByName) {
     EXPECT_EQ(result.out, "");
   }
   EXPECT_TRUE(people().empty());
+}
+
+TEST_F(PeopleCommands, importNamesTheColumnsThatItIgnoresAndShowsAHeaderWithoutAnAccount) {
+  const auto list =
+      folder.write("class.csv", "Login;Colour;Prénom;Nom;Size\nanna;red;Anna;Keller;4\n").string();
+  const Run taken = good({"user", "import", list});
+  EXPECT_THAT(taken.err, HasSubstr("ignored: Colour, Size\n"));
+  EXPECT_THAT(taken.out, testing::Not(HasSubstr("Colour")));
+  EXPECT_EQ(people().at("anna").at("full_name"), "Anna Keller");
+  const auto lacking = folder.write("class.csv", "full_name\nAnna\n").string();
+  const Run refused = onData({"user", "import", lacking});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.out, HasSubstr("no column is known as the account: the header reads 'full_name'"));
 }
 
 TEST_F(PeopleCommands, importingASpreadsheetTwiceChangesNothing) {

@@ -1,7 +1,18 @@
 // Imports a class from a CSV file; shows what will happen first.
+import {
+  columnsOf,
+  headerOf,
+  kChoices,
+  kParts,
+  remember,
+  remembered,
+  renamesOf,
+  takenOf,
+  withColumns,
+} from '../../lib/class_columns.js';
 import { people } from '../../net/requests.js';
 import { announce, Heading, Mark, Problem, Table } from '../../ui/widgets.js';
-import { TextField } from '../../ui/fields.js';
+import { SelectField, TextField } from '../../ui/fields.js';
 import { useAction } from '../../ui/hooks.js';
 import { html, useId, useState } from '../../ui/html.js';
 
@@ -31,7 +42,55 @@ export function textOf(bytes, encoding) {
   }
 }
 
+/** Asks which column is what. @param {{columns: import('../../lib/class_columns.js').Column[], choose: (renames: any) => void, busy: boolean}} props */
+function Columns({ columns, choose, busy }) {
+  const [chosen, setChosen] = useState(takenOf(columns));
+  const parts = ['given_name', 'family_name'].flatMap((name) =>
+    columns.filter((c) => c.taken_as === name).map((c) => c.cell),
+  );
+  const cells = columns.map(({ cell }) => [cell, cell]);
+  const together = parts.length > 0 ? [[kParts, parts.join(' and ')]] : [];
+  const send = (event) => {
+    event.preventDefault();
+    choose(renamesOf(columns, chosen));
+  };
+  return html`<form class="hint" aria-label="Columns of the list" onSubmit=${send}>
+    <p><strong>Which column is what?</strong> It is asked once: this browser remembers it for lists with this header.</p>
+    <div class="fields">${kChoices.map(
+      ([name, label]) => html`<${SelectField}
+        label=${label}
+        value=${chosen[name]}
+        required=${name === 'name'}
+        options=${[['', name === 'name' ? 'Choose …' : 'none'], ...(name === 'full_name' ? together : []), ...cells]}
+        onValue=${(cell) => setChosen({ ...chosen, [name]: cell })}
+      />`,
+    )}</div>
+    <div class="actions">
+      <button type="submit" disabled=${busy || !chosen.name}>Use these columns</button>
+    </div>
+  </form>`;
+}
+
+/** The columns that were chosen for this header. @param {{renames: Record<string, string>, again: () => void, busy: boolean}} props */
+function ChosenColumns({ renames, again, busy }) {
+  const said = kChoices.flatMap(([, label, word]) =>
+    Object.keys(renames)
+      .filter((cell) => renames[cell] === word)
+      .map((cell) => `“${cell}” is the ${label.toLowerCase()}`),
+  );
+  return html`<p>
+    Columns as chosen in this browser: ${said.join(', ') || 'by their words'}. <button
+      type="button"
+      class="small"
+      disabled=${busy}
+      onClick=${again}
+    >Choose again</button>
+  </p>`;
+}
+
 function Report({ report }) {
+  const ignored = columnsOf(report).filter((c) => !c.taken_as);
+  const rows = (report.rows ?? []).filter((row) => row.what in kWhat);
   const counts = `${report.added} new, ${report.changed} changed, ${report.unchanged} unchanged, ${report.faults} wrong`;
   return html`
     <h2>${report.done ? 'What happened' : 'What will happen'}</h2>
@@ -52,6 +111,7 @@ function Report({ report }) {
             </div>`
           : html`<p role="status">${counts}. Nothing has been changed yet.</p>`
     }
+    ${ignored.length > 0 && html`<p>Ignored: ${ignored.map((c) => c.cell).join(', ')}.</p>`}
     ${
       !report.faults &&
       report.rights_given > 0 &&
@@ -68,8 +128,8 @@ function Report({ report }) {
         }
       </p>`
     }
-    <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${(report.rows ?? []).map((row) => {
-      const [kind, word] = kWhat[row.what] ?? ['info', row.what];
+    <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${rows.map((row) => {
+      const [kind, word] = kWhat[row.what];
       return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}>
         <td class="number">${row.line}</td>
         <th scope="row">${row.name || '–'}</th>
@@ -89,10 +149,13 @@ export function PeopleImportPage() {
   const [problem, setProblem] = useState('');
   const [unread, setUnread] = useState(null);
   const action = useAction();
-  const ask = async (dry_run) => {
-    const reply = await action.run(() => people.importCsv(csv, linesAbove, dry_run));
+  const header = headerOf(csv, linesAbove),
+    renames = remembered(header),
+    sent = withColumns(csv, linesAbove, renames);
+  const ask = async (dry_run, list = sent) => {
+    const reply = await action.run(() => people.importCsv(list, linesAbove, dry_run));
     if (!reply) return;
-    setReport({ ...reply, csv, linesAbove });
+    setReport({ ...reply, csv: list, linesAbove });
     if (reply.done) announce(`${reply.added} people were added, ${reply.changed} changed.`);
   };
   const pick = async (event) => {
@@ -111,13 +174,22 @@ export function PeopleImportPage() {
     setCsv(textOf(unread.bytes, 'windows-1252') ?? '');
     setUnread(null);
   };
-  const checked =
-    report && report.csv === csv && report.linesAbove === linesAbove && !report.done && report.faults === 0;
+  const choose = (chosen) => {
+    remember(header, chosen);
+    ask(true, withColumns(csv, linesAbove, chosen));
+  };
+  const current = report && report.csv === sent && report.linesAbove === linesAbove && !report.done;
+  const checked = current && report.faults === 0;
+  const columns = current && !renames ? columnsOf(report) : [];
+  const taken = takenOf(columns);
+  const no_account = columns.length > 0 && !taken.name;
+  const asks = no_account || (columns.some((c) => !c.taken_as) && kChoices.some(([name]) => !taken[name]));
   return html`
     <${Heading} title="Import people" above=${html`<a href="#/people">People</a>`} />
     <p>
-      Columns <code>${kColumns.join(', ')}</code> in any order; only <code>name</code> must be there. People who
-      exist already are updated, not duplicated.
+      A class list as it comes, with a column for the account. Columns <code>${kColumns.join(', ')}</code> are read, in
+      any order, as are usual words for them in English, German and French; others are ignored. People who exist already
+      are updated, not duplicated.
     </p>
     <div class="field">
       <label for=${id}>CSV file</label>
@@ -162,6 +234,8 @@ export function PeopleImportPage() {
       </button>
       <button type="button" class="main" disabled=${!checked || action.busy} onClick=${() => ask(false)}>Import</button>
     </div>
-    ${report && html`<${Report} report=${report} />`}
+    ${renames && html`<${ChosenColumns} renames=${renames} again=${() => choose(null)} busy=${action.busy} />`}
+    ${asks && html`<${Columns} key=${header} columns=${columns} choose=${choose} busy=${action.busy} />`}
+    ${report && !no_account && html`<${Report} report=${report} />`}
   `;
 }

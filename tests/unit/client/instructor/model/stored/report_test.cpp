@@ -92,6 +92,31 @@ TEST(Report, showsTheScoresValues) {
   EXPECT_LT(html.find("at most 5"), html.find(">1<"));
 }
 
+TEST(Report, beginsWithVerdictPersonExerciseAndPatientAndSaysEachValueOnce) {
+  ReportData data = dataOf();
+  auto gesture = std::make_shared<StoredGesture>();
+  gesture->info = data.gesture->info;
+  gesture->info.mutable_description()->set_trainee_full_name("Tina Weber");
+  gesture->scene = data.gesture->scene;
+  gesture->samples = data.gesture->samples;
+  data.gesture = gesture;
+  data.exercise_name = "Shoulder: bursa";
+  const std::string html = reportHtml(data);
+  const std::string page = html.substr(html.find("<body>"));
+  const std::string patient = htmlText(gesture->scene.profile.name());
+  ASSERT_FALSE(patient.empty());
+  EXPECT_TRUE(page.starts_with(
+      "<body>\n<p class='v'>✔ passed</p>\n<h1>Tina Weber: Shoulder: bursa</h1>\n<p>Patient: " + patient +
+      "</p>\n"))
+      << page.substr(0, 300);
+  for (const std::string& once : {std::string("3.25 N"), std::string("Tina Weber"),
+                                  std::string("Shoulder: bursa"), patient, std::string("passed</p>")}) {
+    const std::size_t at = page.find(once);
+    ASSERT_NE(at, std::string::npos) << once;
+    EXPECT_EQ(page.find(once, at + 1), std::string::npos) << once;
+  }
+}
+
 TEST(Report, usesNamesForIdentifiersAndUnitsForShares) {
   ReportData data = dataOf();
   pb::Exercise exercise;

@@ -69,15 +69,62 @@ TEST_F(PeopleImport, listsAreReadAsSpreadsheetsWriteThem) {
   titled.mutable_import_people()->set_csv("Class of 2026\n\nname\nanna\n");
   titled.mutable_import_people()->set_lines_above(2);
   EXPECT_EQ(get(manager, titled).people_import().rows(0).line(), 4u);
-  EXPECT_EQ(refusedTable("nom;role\nanna;trainee\n").message,
-            "csv: column 'nom' is none of name, full_name, role, group, password, code: the header reads "
-            "'nom;role', separated by semicolons");
   EXPECT_EQ(refusedTable("name\nK\xf6hler\n").message, "csv: is not UTF-8: save the table as \"CSV UTF-8\"");
   const auto unnamed = importPeople("name,,role\nanna,x,trainee\n");
   EXPECT_EQ(unnamed.rows(0).text(), "has a cell in column 2, whose name is missing in the header");
   const auto comma = importPeople("name;group\nanna;autumn-a,autumn-b\n");
   EXPECT_EQ(comma.rows(0).column(), "group");
   EXPECT_THAT(comma.rows(0).text(), testing::HasSubstr("separated by semicolons"));
+}
+
+TEST_F(PeopleImport, aRegistrarsHeaderIsReadByItsWordsAndExtraColumnsAreNamed) {
+  struct List {
+    const char *csv, *account, *ignored;
+  };
+  for (const List& list :
+       {List{"E-Mail;Full Name;Username;Department\na@b;Anna Keller;k1;med\n", "k1", "E-Mail, Department"},
+        {"\"Matrikel-Nr.\",\"Nachname\",\"Vorname\",\"Gruppe\"\nk2,Keller,Anna,y1\n", "k2", ""},
+        {"\xef\xbb\xbfName\tVorname\tBenutzername\tStudiengang\nKeller\tAnna\tk3\tMed\n", "k3",
+         "Studiengang"},
+        {"Nom;PR\xc3\x89NOM;Num\xc3\xa9ro \xc3\xa9tudiant;Groupe\nKeller;Anna;k4;y1\n", "k4", ""},
+        {"Name,Student ID,Username\nAnna Keller,471,k5\n", "k5", "Student ID"},
+        {"name,full_name,Login\nk6,Anna Keller,x\n", "k6", "Login"},
+        {"name,full_name,Vorname\nk8,Anna Keller,x\n", "k8", "Vorname"},
+        {"Name;Vorname;Nachname;Username\nAnna Keller;x;y;k9\n", "k9", "Vorname, Nachname"},
+        {"Account,First name,Last name,full_name\nk7,A,K,Anna Keller\n", "k7", "First name, Last name"}}) {
+    const pb::PeopleImport report = importPeople(list.csv);
+    EXPECT_TRUE(report.done()) << list.csv << report.DebugString();
+    std::string ignored;
+    for (const auto& row : report.rows()) {
+      if (row.what() != pb::PeopleImport::WHAT_UNSPECIFIED) continue;
+      EXPECT_EQ(row.line(), 1u);
+      if (row.text() == "ignored") ignored += (ignored.empty() ? "" : ", ") + row.column();
+    }
+    EXPECT_EQ(ignored, list.ignored) << list.csv;
+    EXPECT_EQ(report.rows_left_out(), 0u) << "the header is none of the people";
+    pb::Request person;
+    person.mutable_get_user()->set_name(list.account);
+    EXPECT_EQ(get(manager, person).user().full_name(), "Anna Keller") << list.csv;
+  }
+  pb::Request group;
+  group.mutable_get_group()->set_id("y1");
+  EXPECT_EQ(get(manager, group).group().members_size(), 2);
+}
+
+TEST_F(PeopleImport, aHeaderWithoutAnAccountIsAFaultThatShowsIt) {
+  // "Name" beside a given name is the family name
+  for (const std::string header : {"nom;role", "Name;Vorname", "E-Mail;Stadt"}) {
+    const auto report = importPeople(header + "\nanna;trainee\n");
+    EXPECT_FALSE(report.done());
+    EXPECT_EQ(report.faults(), 1u);
+    const auto& fault = report.rows(report.rows_size() - 1);
+    EXPECT_EQ(fault.column(), "name");
+    EXPECT_EQ(fault.text(), "no column is known as the account: the header reads '" + header +
+                                "', separated by semicolons");
+    EXPECT_EQ(report.rows(0).column() + ";" + report.rows(1).column(), header);
+  }
+  EXPECT_EQ(refusedTable("Gruppe,Login,Gruppe\ny1,anna,y2\n").message, "csv: column 'group' is there twice");
+  EXPECT_EQ(count("SELECT count(*) FROM people"), 0);
 }
 
 TEST_F(PeopleImport, codesThatASpreadsheetRoundedAndCodesOfTwoPeopleAreFaults) {
