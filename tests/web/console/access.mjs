@@ -129,7 +129,7 @@ export function access(t) {
     await page.getByRole('heading', { level: 1, name: 'Assignments' }).waitFor();
     await page.getByLabel('What').waitFor();
     await tabTo(page, /^What/);
-    await keyboard.type('Course: Rheum');
+    await keyboard.type('Course: Phantoms: lay');
     await tabTo(page, /^Assign to/);
     await keyboard.type('keyb');
     await page.getByRole('option', { name: 'Group: Keyboard (keys)' }).waitFor();

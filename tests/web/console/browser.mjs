@@ -194,6 +194,11 @@ export async function accessible(page, where) {
   await settled(page);
   // run by the debugger: the content policy forbids scripts that a page makes from text
   if (!(await page.evaluate(() => 'axe' in window))) await page.evaluate(kAxe);
+  // a button on its way from one colour to another has neither's contrast
+  await page.evaluate(() => {
+    const changes = document.getAnimations().filter((one) => one instanceof CSSTransition);
+    return Promise.allSettled(changes.map((one) => one.finished));
+  });
   const found = await page.evaluate(async () => {
     const { violations } = await window.axe.run(document, { resultTypes: ['violations'] });
     return violations.map((v) => ({
