@@ -162,6 +162,8 @@ PIECES = (
           ("{bin}/haptics_test", "{bin}/fem_test", "{bin}/scoring_test --gtest_filter=Invariance.*", "{bin}/profile_test --gtest_filter=SteeredPaths.*",
            "{bin}/sim_test --gtest_filter=Benchmark.finds*",
            "python3 -B {source}/tests/unit/common/profile/solids_test.py"), (TESTS,)),
+    Piece("reader", 4, "a stranger who only reads the screen passes a first lesson in each region",
+          ("{bin}/windows_test --gtest_filter=*Reader.passes*",), (TESTS,), ("needlelab-admin", "needlelab-server", "needlelab-station")),
     Piece("pictures", 8, "the pictures and tables of client/sim show what its studies print",
           ("{source}/client/sim/pictures/draw --check {bin}/needlelab-sim",),
           (Number("columns compared", r"^(\d+) columns compared"), Number("changed", r"columns compared, (\d+) changed"))),

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "client/view/theme.h"
-#include "common/profile/planned_line.h"
 #include "common/scoring/anatomy/structure_region.h"
 
 namespace needlelab {
@@ -152,10 +151,10 @@ StepFacts stepFactsOf(const LessonFollow& lesson, const LessonStatus& status, co
         norm(*way.landmark_W_m - now.p_WT_m) < scene.cap_radius_m + 0.5 * kOver_m ||
         (anatomy.landmark && anatomy.landmark->distance(now.p_WT_m) < scene.cap_radius_m + 1e-3);
   }
-  const PlannedLine line{way.entry_W_m, way.direction_W};
-  facts.off_line_m = distanceFrom(line, now.p_WT_m);
-  facts.off_line_rad = angleTo(line, axis_W);
-  facts.short_m = way.depth_m - dot(now.p_WT_m - way.entry_W_m, way.direction_W);
+  const Vec3 from_entry_m = now.p_WT_m - way.entry_W_m;
+  facts.off_line_m = norm(cross(from_entry_m, way.direction_W));
+  facts.off_line_rad = std::atan2(norm(cross(axis_W, way.direction_W)), dot(axis_W, way.direction_W));
+  facts.short_m = way.depth_m - dot(from_entry_m, way.direction_W);
   if (!anatomy.targets.empty()) {
     const Target& target = anatomy.targets.front();
     const auto holds = [&](Vec3 p_W_m) { return distanceTo(anatomy, target, p_W_m) < 0; };

@@ -16,9 +16,9 @@ AidList listOf(std::initializer_list<int> numbers) {
 TEST(AidList, knownAidsOnceEachAreValid) {
   EXPECT_TRUE(checkAids("aids", {}).ok());
   AidList all;
-  for (int aid = 1; aid <= 12; ++aid) all.Add(aid);
+  for (int aid = 1; aid <= 13; ++aid) all.Add(aid);
   EXPECT_TRUE(checkAids("aids", all).ok());
-  for (const int none : {0, -1, 13, 1'000'000}) {
+  for (const int none : {0, -1, 14, 1'000'000}) {
     const Status refused = checkAids("aids", listOf({1, none}));
     ASSERT_FALSE(refused.ok()) << none;
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
@@ -29,11 +29,12 @@ TEST(AidList, knownAidsOnceEachAreValid) {
   EXPECT_EQ(twice.error().message, "a.b[2]: FORCE is listed twice");
 }
 
-TEST(AidList, withoutASettingAllButTheSliceAreOn) {
+TEST(AidList, withoutASettingAllButTheSliceAndTheStepsAreOn) {
   pb::Exercise exercise;
   const AidList usual = aidsOfExercise(exercise);
   EXPECT_EQ(usual.size(), 11);
   EXPECT_FALSE(hasAid(usual, pb::Exercise::ULTRASOUND));
+  EXPECT_FALSE(hasAid(usual, pb::Exercise::STEPS));
   EXPECT_TRUE(hasAid(usual, pb::Exercise::PHASE));
   EXPECT_TRUE(hasAid(usual, pb::Exercise::ALIGNMENT));
   EXPECT_TRUE(hasAid(usual, pb::Exercise::PLANNED_LINE));
@@ -53,7 +54,7 @@ TEST(AidList, wordsComeBackAsTheyWent) {
     EXPECT_EQ(aidsText(*aids), "DEPTH, FORCE");
   }
   EXPECT_EQ(parseAids("none")->size(), 0);
-  EXPECT_EQ(parseAids("ALL")->size(), 12);
+  EXPECT_EQ(parseAids("ALL")->size(), 13);
   for (const char* text : {"", ",", "depth,", "depth,depth", "aid_unspecified", "fish", "1", "all,depth"}) {
     const auto refused = parseAids(text);
     ASSERT_FALSE(refused.ok()) << text;

@@ -187,7 +187,7 @@ TEST_F(Screens, aRecordingIsFoundReplayedComparedRunAgainAndExported) {
   const std::string annotated = (files_.path() / "annotated.html").string();
   const Status done = script(
       "login\nsearch tin\nexpect \"2 sessions\"\nsearch nobody\nexpect \"No session matches\"\n"
-      "replay newest\nexpect \"Shoulder: subacromial bursa\"\nseek 1.2\nspeed 0.5\nloop 0.5 "
+      "replay newest\nexpect \"Shoulder phantom: subacromial bursa\"\nseek 1.2\nspeed 0.5\nloop 0.5 "
       "1.4\nplay\nwait-replay "
       "1.3\npause\n"
       "annotate \"look at the angle here\"\nstep -2\nexport " +

@@ -63,7 +63,7 @@ TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
   ASSERT_TRUE(loaded());
   EXPECT_EQ(lab_->analysis.first()->info.description().session_id(), ada_);
   frames(2);
-  EXPECT_TRUE(stands("ada, Shoulder: subacromial bursa, 2025-11-21 00:40")) << window_->text();
+  EXPECT_TRUE(stands("ada, Shoulder phantom: subacromial bursa, 2025-11-21 00:40")) << window_->text();
   lab_->screen = WindowScreen::kSessions;
   frames(2);
   ASSERT_TRUE(click("beside", 0));
@@ -72,8 +72,8 @@ TEST_F(StoredActions, aRowsButtonsLoadItsSession) {
   EXPECT_EQ(lab_->analysis.second()->info.description().session_id(), tina_);
   frames(2);
   EXPECT_TRUE(
-      stands("— ada, Shoulder: subacromial bursa, 2025-11-21 00:40 – – tina, Shoulder: subacromial bursa, "
-             "2025-11-21 00:41"))
+      stands("— ada, Shoulder phantom: subacromial bursa, 2025-11-21 00:40 – – tina, Shoulder phantom: "
+             "subacromial bursa, 2025-11-21 00:41"))
       << window_->text();
   ASSERT_TRUE(click("by time"));
   ASSERT_TRUE(until([&] { return lab_->analysis.comparison()->alignment == Alignment::kTime; }));

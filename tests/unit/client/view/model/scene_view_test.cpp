@@ -246,10 +246,11 @@ TEST(AidSet, passesOverNumbersThatAreNoAid) {
   EXPECT_EQ(AidSet(list), depth);
 }
 
-TEST(AidSet, usualIsAllButTheUltrasoundPicture) {
+TEST(AidSet, usualIsAllButTheUltrasoundPictureAndTheSteps) {
   AidSet all = allAidSet();
   EXPECT_TRUE(all.has(pb::Exercise::ULTRASOUND));
   all.set(pb::Exercise::ULTRASOUND, false);
+  all.set(pb::Exercise::STEPS, false);
   EXPECT_EQ(all, usualAidSet());
 }
 

@@ -179,7 +179,7 @@ TEST_F(StoredGestureTest, isReadWholeWithItsRemarks) {
     EXPECT_EQ((*gesture)->sampleAt((*gesture)->timeOfTick(samples_[i].tick) + 0.0004), i);
   }
   EXPECT_THAT((*gesture)->title(),
-              HasSubstr("tina, Shoulder: subacromial bursa, " +
+              HasSubstr("tina, Shoulder phantom: subacromial bursa, " +
                         localTime(info_.description().started_unix_ns(), TimeForm::kMinute)));
   ASSERT_EQ((*gesture)->annotations.size(), 1u);
   const auto& events = (*gesture)->trace.events();
