@@ -1,11 +1,12 @@
 # What each effect adds to a tick; an effect that the scene does not list adds nothing.
 load 'rule.gp'
 csv = folder.'/effects_marginal.csv'
-set title 'Only what a scene lists is computed'
+set title 'Only what a scene lists is computed' offset -7,0
 set xlabel 'added to a tick [instructions]'
 set lmargin 17; set rmargin 5
 set yrange [8.6:-0.6]
-set xrange [0:*]
+set xrange [0:550]
+set xtics 200
 unset grid
 set grid x
 set boxwidth 0.6

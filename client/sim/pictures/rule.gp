@@ -6,5 +6,5 @@ set terminal pngcairo size width,height enhanced font 'DejaVu Sans,20' backgroun
 set output png
 set datafile separator ','
 set title font 'DejaVu Sans Bold,22' textcolor rgb title_colour
-set lmargin 9; set rmargin 3; set bmargin 4; set tmargin 4
+set lmargin 9; set rmargin 3; set bmargin 3.5; set tmargin 2.5
 unset key

@@ -46,12 +46,14 @@ LessonStep LessonSteps::say(int number, const char* title, std::vector<std::stri
 
 LessonStep LessonSteps::next(const StepFacts& facts) {
   if (facts.capped) return feel(facts);
-  if (!arrived_ || (!facts.in_target && !goes_out_)) return goIn(facts);
+  // a quick hand leaves as soon as the syringe is empty
+  if (arrived_ && drew_back_ && facts.plunger >= kEmpty) goes_out_ = true;
+  if (!goes_out_ && (!arrived_ || !facts.in_target)) return goIn(facts);
   return inject(facts);
 }
 
 LessonStep LessonSteps::feel(const StepFacts& facts) {
-  arrived_ = drew_back_ = injected_ = goes_out_ = done_ = false;
+  arrived_ = drew_back_ = goes_out_ = done_ = false;
   const std::string bone = landmark_.empty() ? "the bone" : "the " + landmark_;
   const auto line = [&](std::vector<std::string> keys, const std::string& by_keys,
                         const std::string& by_hand) {
@@ -117,10 +119,8 @@ LessonStep LessonSteps::inject(const StepFacts& facts) {
   if (injects_ && !goes_out_) {
     drew_back_ = drew_back_ || facts.plunger <= kDrawn;
     if (!drew_back_) return line({"X"}, "Hold X until the plunger is drawn back.", "Draw the plunger back.");
-    injected_ = injected_ || facts.plunger >= kEmpty;
-    if (!injected_)
-      return line({"Space"}, "Hold Space until the syringe is empty.",
-                  "Press the plunger until the syringe is empty.");
+    return line({"Space"}, "Hold Space until the syringe is empty.",
+                "Press the plunger until the syringe is empty.");
   }
   goes_out_ = true;
   done_ = done_ || facts.above_skin_m > kClear_m;

@@ -56,8 +56,8 @@ class LessonSteps {
 
   bool by_keys_, injects_;
   std::string landmark_, target_;
-  bool over_landmark_ = false, felt_ = false, arrived_ = false, drew_back_ = false, injected_ = false,
-       goes_out_ = false, done_ = false;
+  bool over_landmark_ = false, felt_ = false, arrived_ = false, drew_back_ = false, goes_out_ = false,
+       done_ = false;
 };
 
 /// The facts of a lesson's frame. `way`, `anatomy`: the lesson's.
