@@ -83,6 +83,14 @@ class LessonScreen {
   AnswerGate fault_gate_;
 };
 
+// --- over the picture (lesson_overlays.cpp)
+
+/// Flags of the windows that lie over the picture.
+inline constexpr ImGuiWindowFlags kLaidOver =
+    ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_AlwaysAutoResize |
+    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoFocusOnAppearing;
+/// Whether the newest message came just now. An older one takes only one line, so that it hides nothing.
+bool hasFreshMessage(const BoardState& state);
 /// Draws alarms as bars over the picture's top, the most urgent in the largest letters, and a frame about the
 /// picture.
 void lessonAlarms(const std::vector<ActiveAlarm>& alarms, ImVec2 corner_px, ImVec2 size_px);
