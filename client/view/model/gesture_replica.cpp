@@ -71,7 +71,7 @@ struct GestureReplica::State {
   bool reduced_rate = false;
   double loop_rate_hz = 1000;
   SceneEngine engine;
-  const PathLayers* path_in_use = nullptr;  // of now.path
+  std::uint64_t paths_used = 0;  // when now.path was in use
   StepReport report;
   Moment now;
   std::uint64_t fed = 0;
@@ -104,7 +104,7 @@ GestureReplica::~GestureReplica() = default;
 void GestureReplica::restart() {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   state_->engine.restart();
-  state_->path_in_use = nullptr;
+  state_->paths_used = 0;
   state_->report = {};
   state_->report.p_wall_W_m = {nan, nan, nan};
   state_->now = {};
@@ -202,9 +202,9 @@ void GestureReplica::State::updateMoment() {
   const SimState& sim = engine.state();
   const PathLayers* const path = engine.path();
   const bool held = sim.inside && isHeldBack(dot(sim.u_W, now.p_WT_m - sim.p_entry_W_m), report.insertion_m);
-  if (path != path_in_use && !held)
+  if (engine.pathsUsed() != paths_used && !held)
     now.path = path != nullptr ? std::make_shared<const PathLayers>(engine.pathInUse()) : nullptr;
-  path_in_use = held ? nullptr : path;
+  paths_used = held ? 0 : engine.pathsUsed();
   now.inside = sim.inside || guessed;
   const bool path_unknown = model->body_spec && paths.unknown();
   now.approximate = differs || (now.inside && (lost || reduced_rate || cuts_unknown || path_unknown));

@@ -201,6 +201,14 @@ TissuesOnLine tissuesOnLine(const SceneView& scene, const NeedleLine& line, doub
     for (std::size_t i = 0; i < count; ++i)
       add(layers[i].structure == kOutside ? -1 : layers[i].structure, layers[i].top_m / line.slant,
           i + 1 < count ? layers[i + 1].top_m / line.slant : reach_m);
+  } else if (scene.body) {
+    const Pose X_LW = inverse(scene.X_WL);
+    const Vec3 in_L_m = X_LW * (line.entry_W_m + line.u_W * kStep_m);  // the line begins on the skin
+    const LayerStack met =
+        scene.body->layersAlong(in_L_m, rotate(X_LW.q, line.u_W), reach_m, kStep_m, AtBone::kGoesOn);
+    for (std::size_t i = 0; i < met.count; ++i)
+      add(met.layers[i].structure, i == 0 ? 0.0 : kStep_m + met.layers[i].top_m,
+          kStep_m + (i + 1 < met.count ? met.layers[i + 1].top_m : met.end_m));
   } else {
     for (int k = 0; k * kStep_m < reach_m; ++k)
       add(layerAt(scene, line.entry_W_m + line.u_W * ((k + 0.5) * kStep_m)), k * kStep_m, (k + 1) * kStep_m);

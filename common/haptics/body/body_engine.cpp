@@ -59,6 +59,7 @@ struct SceneEngine::InBody {
   std::optional<PathsInPlace> in_place;
   PathMaker* paths;
   PathStack* now = nullptr;
+  std::uint64_t paths_used = 0;
   std::uint64_t tick = 0;  // of the engine: steps since the start
   std::uint64_t next_mark = 0;
   // the tick of the next mark, or of a path that is due before it; with the cap on, the next tick
@@ -134,6 +135,7 @@ void SceneEngine::InBody::replace(PathStack* next, std::uint32_t& flags, SimStat
     useOutside(*next, flags, state);
   if (now != nullptr) paths->retire(now);
   now = next;
+  ++paths_used;
 }
 
 bool SceneEngine::InBody::use(PathStack* made, std::uint64_t insertion, std::uint32_t& flags,
@@ -269,6 +271,10 @@ const PathLayers* SceneEngine::path() const noexcept {
   return body_ && body_->now != nullptr ? &body_->now->path : nullptr;
 }
 
+std::uint64_t SceneEngine::pathsUsed() const noexcept {
+  return body_ ? body_->paths_used : 0;
+}
+
 void SceneEngine::restart() {
   state_ = {};
   wants_cap_ = false;
@@ -319,6 +325,7 @@ void SceneEngine::continueFrom(const SceneEngine& other) {
   const InBody& from = *other.body_;
   if (from.now != nullptr) to.now = std::make_unique<PathStack>(*from.now).release();
   if (from.given) to.given = std::make_unique<PathStack>(*from.given);
+  to.paths_used = from.paths_used;
   to.given_insertion = from.given_insertion;
   to.given_now = from.given_now;
   to.tick = from.tick;

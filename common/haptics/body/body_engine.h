@@ -88,6 +88,8 @@ class SceneEngine {
 
   /// A body's path in use; null before there is one, and in other scenes.
   [[nodiscard]] const PathLayers* path() const noexcept;
+  /// How many paths have been in use since the start.
+  [[nodiscard]] std::uint64_t pathsUsed() const noexcept;
   /// The path in use with the skin as it gave way to the tip: given to another engine, it has the same bits
   /// there. There is a path. Not for the haptic thread.
   [[nodiscard]] PathLayers pathInUse() const;
