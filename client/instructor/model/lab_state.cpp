@@ -22,8 +22,9 @@ std::vector<ScreenAction> searchActions(bool advised) {
   return {{kActSearch, "Search", advised ? ActionKey::kNone : ActionKey::kEnter, "", true}};
 }
 
-std::vector<ScreenAction> stopActions(bool asking) {
-  if (!asking) return {{kActStop, "Stop lesson …", ActionKey::kNone, "", true}};
+std::vector<ScreenAction> stopActions(bool asking, std::size_t lessons) {
+  const std::string stop = lessons < 2 ? "Stop lesson …" : "Stop " + std::to_string(lessons) + " lessons …";
+  if (!asking) return {{kActStop, stop, ActionKey::kNone, "", lessons > 0}};
   return {{kActGoOn, "Cancel", ActionKey::kEnterOrEscape, "", true},
           {kActStopNow, "■ Stop now", ActionKey::kDelete, "", true}};
 }
@@ -32,21 +33,6 @@ std::vector<ScreenAction> linkActions(LinkPhase phase) {
   if (phase != LinkPhase::kAway && phase != LinkPhase::kRefused) return {};
   return {
       {kActReconnect, phase == LinkPhase::kRefused ? "Log in again" : "Try now", ActionKey::kNone, "", true}};
-}
-
-void StopQuestion::ask(const LiveStation& live) {
-  asking_ = true;
-  station_ = live.station();
-  session_ = live.sessionId();
-}
-
-void StopQuestion::keepOnlyFor(const LiveStation* live) {
-  if (!asking_) return;
-  if (live == nullptr || live->station() != station_ || live->sessionId() != session_) withdraw();
-}
-
-void StopQuestion::withdraw() {
-  *this = StopQuestion();
 }
 
 LabState::LabState(ScenePreparer prepare, LabConnectionSettings settings)
@@ -83,7 +69,8 @@ void LabState::logOut() {
   connection_.logOut();
   if (live_) connection_.unwatch(live_->station());
   live_.reset();
-  stop_question.keepOnlyFor(nullptr);
+  stop_question.withdraw();
+  chosen.clear();
   overview = {};
   inside_ = false;
   form.password.clear();
@@ -115,12 +102,15 @@ void LabState::update(double now_s) {
     if (live_) live_->onStatus(status);
   }
   overview.tick(now_s);
-  if (link_.phase == LinkPhase::kOnline) requestVerdicts();
+  if (link_.phase == LinkPhase::kOnline) {
+    requestVerdicts();
+    requestDepthPictures();
+  }
   if (live_) {
     for (const LiveArrival& arrival : news.frames) live_->feed(arrival);
     requestScene();
   }
-  stop_question.keepOnlyFor(live_.get());
+  stop_question.keepOnlyFor(lessonsOf(commanded()));
   analysis.poll();
   analysis.player.advance(now_s - last_s_);
 }
@@ -157,10 +147,32 @@ void LabState::requestVerdicts() {
   }
 }
 
+void LabState::requestDepthPictures() {
+  constexpr double kAgain_s = 5;
+  for (const StationTile* tile : overview.tiles()) {
+    if (tile->session_id.empty() || tile->exercise.empty()) continue;
+    Pictured& pictured = depth_pictures_[tile->exercise];
+    if (pictured.picture || now_s_ - pictured.asked_s < kAgain_s) continue;
+    pictured.asked_s = now_s_;
+    pb::Request request;
+    request.mutable_get_session()->set_session_id(tile->session_id);
+    connection_.ask(
+        request, [this, alive = std::weak_ptr(alive_), exercise = tile->exercise](Result<pb::Reply> reply) {
+          if (alive.expired() || !reply.ok()) return;  // the server may not have the session yet
+          auto picture = depthPictureOf(reply->session().description(), exerciseOf(exercise));
+          if (picture.ok()) depth_pictures_[exercise].picture = *std::move(picture);
+        });
+  }
+}
+
+const DepthPicture* LabState::depthPicture(const std::string& exercise) const {
+  const auto found = depth_pictures_.find(exercise);
+  return found == depth_pictures_.end() || !found->second.picture ? nullptr : &*found->second.picture;
+}
+
 std::string LabState::exerciseName(const std::string& id) const {
-  const auto known = exercise_by_id_.find(id);
-  return printable(known == exercise_by_id_.end() || known->second.name().empty() ? id
-                                                                                  : known->second.name());
+  const pb::Exercise* const known = exerciseOf(id);
+  return printable(known == nullptr || known->name().empty() ? id : known->name());
 }
 
 void LabState::readExercises(std::string page, std::vector<pb::Exercise> read) {
@@ -206,8 +218,7 @@ void LabState::open(const std::string& station) {
   if (live_ && live_->station() == station) return;
   if (live_) connection_.unwatch(live_->station());
   live_ = std::make_unique<LiveStation>(station);
-  stop_question.keepOnlyFor(live_.get());
-  aids_.reset();
+  stop_question.withdraw();
   connection_.watch(station);
 }
 
@@ -230,10 +241,26 @@ bool LabState::annotate(const std::string& text) {
                            [this] { analysis.readRemarks(); });
 }
 
+std::vector<Addressee> LabState::addressees() const {
+  std::vector<Addressee> all;
+  for (const StationTile* tile : overview.tiles())
+    if (chosen.contains(tile->station)) all.push_back({tile->station, tile->session_id});
+  return all;
+}
+
+std::vector<Addressee> LabState::commanded() const {
+  if (screen == WindowScreen::kLab) return addressees();
+  if (screen == WindowScreen::kLive && live_) return {{live_->station(), live_->sessionId()}};
+  return {};
+}
+
 AidList LabState::aidsNow() const {
-  if (!live_) return usualAids();
-  if (aids_ && aids_session_ == live_->sessionId()) return *aids_;
-  const pb::Exercise* const exercise = exerciseNow();
+  const auto to = lessonsOf(commanded());
+  if (to.empty()) return usualAids();
+  if (const auto set = aids_.find(to.front().session_id); set != aids_.end()) return set->second;
+  const StationTile* const tile = overview.find(to.front().station);
+  const pb::Exercise* const exercise =
+      screen == WindowScreen::kLive ? exerciseNow() : exerciseOf(tile == nullptr ? "" : tile->exercise);
   return exercise == nullptr ? usualAids() : aidsOfExercise(*exercise);
 }
 
@@ -249,23 +276,25 @@ std::optional<PlanView> LabState::planNow() const {
   return planViewOf(*live_->scene().view, *exercise);
 }
 
-const pb::Exercise* LabState::exerciseNow() const {
-  if (!live_) return nullptr;
-  const auto found = exercise_by_id_.find(live_->info().description().exercise_id());
+const pb::Exercise* LabState::exerciseOf(const std::string& id) const {
+  const auto found = exercise_by_id_.find(id);
   return found == exercise_by_id_.end() ? nullptr : &found->second;
 }
 
+const pb::Exercise* LabState::exerciseNow() const {
+  return live_ ? exerciseOf(live_->info().description().exercise_id()) : nullptr;
+}
+
 void LabState::setAids(const AidList& aids) {
-  if (!live_) return;
-  aids_ = aids;
-  aids_session_ = live_->sessionId();
-  commands.setAids(live_->station(), live_->sessionId(), aids);
+  const auto to = lessonsOf(commanded());
+  for (const Addressee& lesson : to) aids_[lesson.session_id] = aids;
+  commands.setAids(to, aids);
 }
 
 void LabState::resetAids() {
-  if (!live_) return;
-  aids_.reset();
-  commands.resetAids(live_->station(), live_->sessionId());
+  const auto to = lessonsOf(commanded());
+  for (const Addressee& lesson : to) aids_.erase(lesson.session_id);
+  commands.resetAids(to);
 }
 
 void recallLogin(const std::filesystem::path& file, LoginForm& form) {

@@ -6,9 +6,12 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "client/instructor/model/live/depth_picture.h"
 #include "client/instructor/model/live/lab_connection.h"
 #include "client/instructor/model/live/lab_overview.h"
 #include "client/instructor/model/live/live_station.h"
@@ -45,24 +48,25 @@ std::vector<ScreenAction> loginActions(bool busy);
 ScreenAction adviceAction(std::string label);
 /// `advised`: the screen is empty, so Enter belongs to its advice button.
 std::vector<ScreenAction> searchActions(bool advised);
-/// "Stop lesson …", then its confirmation.
-std::vector<ScreenAction> stopActions(bool asking);
+/// "Stop lesson …", then its confirmation. Without lessons it cannot be pressed.
+std::vector<ScreenAction> stopActions(bool asking, std::size_t lessons = 1);
 /// Banner over every screen while the connection is lost or refused. No key: Enter belongs to the screen.
 std::vector<ScreenAction> linkActions(LinkPhase phase);
 
-/// Confirmation before stopping a lesson. It is bound to one lesson: an answer never reaches another one.
+/// Confirmation before stopping lessons. It is bound to them: an answer never reaches another one.
 class StopQuestion {
  public:
-  void ask(const LiveStation& live);
-  /// Withdraws the question unless this station's current lesson is the one in question.
-  void keepOnlyFor(const LiveStation* live);
-  void withdraw();
-  [[nodiscard]] bool asking() const { return asking_; }
-  std::string reason;  ///< for the trainee, as typed
+  void ask(std::vector<Addressee> lessons) { lessons_ = std::move(lessons); }
+  /// Withdraws the question unless it is about just these lessons.
+  void keepOnlyFor(const std::vector<Addressee>& lessons) {
+    if (lessons != lessons_) withdraw();
+  }
+  void withdraw() { *this = StopQuestion(); }
+  [[nodiscard]] bool asking() const { return !lessons_.empty(); }
+  std::string reason;  ///< for the trainees, as typed
 
  private:
-  bool asking_ = false;
-  std::string station_, session_;
+  std::vector<Addressee> lessons_;
 };
 
 /// Thread: one. No call blocks on the network or the disk.
@@ -87,8 +91,12 @@ class LabState {
 
   // --- the lab
   LabOverview overview;
-  TileOrder order = TileOrder::kNeed;
   TileFilter filter;
+  /// The stations that a command goes to: those that were chosen and are still there.
+  std::set<std::string> chosen;
+  [[nodiscard]] std::vector<Addressee> addressees() const;
+  /// The tissues of an exercise that is practised now; null until the server sent them.
+  [[nodiscard]] const DepthPicture* depthPicture(const std::string& exercise) const;
   [[nodiscard]] const std::vector<ExerciseChoice>& exercises() const { return exercises_; }
   /// Returns the exercise's name, or its id if the server has not listed it (yet).
   [[nodiscard]] std::string exerciseName(const std::string& id) const;
@@ -100,7 +108,9 @@ class LabState {
   [[nodiscard]] LiveStation* live() { return live_.get(); }
   /// Adds a remark at the displayed moment, live or in the replay. Returns whether it was sent.
   bool annotate(const std::string& text);
-  /// Returns the watched trainee's aids: those set here in this session, otherwise the exercise's.
+  /// Whom the commands of the current screen reach: the watched station, or in the lab the chosen ones.
+  [[nodiscard]] std::vector<Addressee> commanded() const;
+  /// Returns the aids of the first of them: those set here in its session, otherwise the exercise's.
   [[nodiscard]] AidList aidsNow() const;
   /// Returns the requirements of the watched lesson's exercise; empty if unknown.
   [[nodiscard]] std::vector<PlotRequirement> requirementsNow() const;
@@ -108,7 +118,7 @@ class LabState {
   [[nodiscard]] std::optional<PlanView> planNow() const;
   void setAids(const AidList& aids);
   void resetAids();
-  StopQuestion stop_question;  ///< always about the watched lesson
+  StopQuestion stop_question;  ///< about the watched lesson, or in the lab about those of the chosen stations
 
   WindowScreen screen = WindowScreen::kLogin;
   Notices notices;
@@ -130,9 +140,12 @@ class LabState {
   void readExercises(std::string page = {}, std::vector<pb::Exercise> read = {});
   /// The watched lesson's exercise; null if unknown.
   [[nodiscard]] const pb::Exercise* exerciseNow() const;
+  [[nodiscard]] const pb::Exercise* exerciseOf(const std::string& id) const;
   void requestScene();
   /// Of the lessons that have ended, for their tiles.
   void requestVerdicts();
+  /// Of the exercises that are practised, for their tiles.
+  void requestDepthPictures();
   LinkState link_;
   bool inside_ = false;
   LinkPhase phase_before_ = LinkPhase::kLoggedOut;
@@ -141,9 +154,13 @@ class LabState {
   std::unique_ptr<LiveStation> live_;
   std::vector<ExerciseChoice> exercises_;
   std::map<std::string, pb::Exercise> exercise_by_id_;
-  std::optional<AidList> aids_;  // set here, for aids_session_
-  std::string aids_session_;
+  std::map<std::string, AidList> aids_;  // set here, by session
   std::vector<ProfileChoice> profiles_;
+  struct Pictured {
+    std::optional<DepthPicture> picture;
+    double asked_s = -1e9;
+  };
+  std::map<std::string, Pictured> depth_pictures_;  // by exercise
   std::shared_ptr<int> alive_ = std::make_shared<int>(0);
 };
 

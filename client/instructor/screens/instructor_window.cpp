@@ -47,11 +47,12 @@ constexpr std::array kKeys = {Key{"F1  ?", "this list"},
                               Key{"L", "loop 2 s from here, or end the loop (replay)"},
                               Key{"V", "next camera"},
                               Key{"P", "next set of plots"},
-                              Key{"M", "message to the trainee (watch)"},
+                              Key{"M", "message to the trainee (watch), to those chosen (lab)"},
                               Key{"N", "remark at this moment"},
-                              Key{"H", "only stations that need help (lab)"},
+                              Key{"H", "watch the station that calls for help first (lab)"},
+                              Key{"Ctrl and click", "choose stations for a command (lab)"},
                               Key{"1 … 9", "watch that tile's station, in the order shown (lab)"},
-                              Key{"Esc", "back to the lab; dismiss notices"}};
+                              Key{"Esc", "back to the lab; dismiss notices; choose none"}};
 
 bool pressed(int key, bool repeat = false) {
   return ImGui::IsKeyPressed(key, repeat);
@@ -80,11 +81,14 @@ bool actEverywhere(InstructorWindow& window) {
   return true;
 }
 
-void actInLab(LabState& lab) {
-  if (pressed(GLFW_KEY_H)) lab.filter.only_help = !lab.filter.only_help;
+void actInLab(InstructorWindow& window) {
+  LabState& lab = window.lab();
+  const auto calls = lab.overview.calls().open(lab.now_s());
+  if (pressed(GLFW_KEY_H) && !calls.empty()) return lab.open(std::string(calls.front()->station));
+  if (pressed(GLFW_KEY_M)) window.lab_screen.commands.focusMessage();
   for (int i = 0; i < 9; ++i) {
     if (!pressed(GLFW_KEY_1 + i)) continue;
-    const auto tiles = lab.overview.tiles(lab.order, lab.filter);
+    const auto tiles = lab.overview.tiles(lab.filter);
     if (static_cast<std::size_t>(i) < tiles.size()) lab.open(tiles[static_cast<std::size_t>(i)]->station);
     return;
   }
@@ -143,19 +147,21 @@ void actOnKeys(InstructorWindow& window) {
   if (ImGui::GetIO().WantTextInput || !lab.inside()) return;
   if (pressed(GLFW_KEY_SLASH) && ImGui::GetIO().KeyShift) window.show_help = !window.show_help;
   // Esc then belongs to the question
-  const bool asking = lab.screen == WindowScreen::kLive && lab.stop_question.asking();
+  const bool asking = lab.stop_question.asking();
   if (pressed(GLFW_KEY_ESCAPE) && !asking) {
     if (window.show_help)
       window.show_help = false;
     else if (!lab.notices.all().empty())
       lab.notices.dismiss();
+    else if (lab.screen == WindowScreen::kLab)
+      lab.chosen.clear();
     else
       lab.screen = WindowScreen::kLab;
     return;
   }
   switch (lab.screen) {
     case WindowScreen::kLab:
-      return actInLab(lab);
+      return actInLab(window);
     case WindowScreen::kLive:
       return actLive(window);
     case WindowScreen::kReplay:
@@ -224,7 +230,7 @@ void InstructorWindow::drawScreen() {
     case WindowScreen::kLogin:
       return showLogin(lab_);
     case WindowScreen::kLab:
-      return showLab(lab_);
+      return lab_screen.show(lab_);
     case WindowScreen::kLive:
       return live_screen.show(lab_);
     case WindowScreen::kSessions:

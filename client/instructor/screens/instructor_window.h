@@ -27,6 +27,7 @@ class InstructorWindow {
   [[nodiscard]] LabState& lab() { return lab_; }
   [[nodiscard]] Surface& surface() { return surface_; }
 
+  LabScreen lab_screen;
   LiveScreen live_screen;
   ReplayScreen replay_screen;
   CompareScreen compare_screen;

@@ -1,8 +1,8 @@
 #include "client/instructor/screens/screens.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
+#include <cstddef>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -10,140 +10,125 @@
 
 #include <fmt/core.h>
 
-#include "client/view/plots.h"
+#include "client/instructor/screens/station_tile.h"
+#include "client/instructor/screens/tile_grid.h"
 #include "client/view/theme.h"
-#include "common/base/text/text.h"
 
 namespace needlelab {
 namespace {
 
-float tileHeight_px() {
-  return 14.6F * space();
-}
+constexpr float kRail = 36;  // the rail's width, in space()
 
-/// Draws the tile's lines in small letters into the open child window.
-void tileLines(const LabState& lab, const StationTile& tile, float inner, float height_px) {
-  WithFont small(Letters::kSmall);
-  {
-    WithTextColour dim(tile.stale || !tile.online ? kDimText : kText);
-    textLine(lessonWords(tile, lab.exerciseName(tile.exercise)), inner);
-    const std::string state = needsHelp(tile.need) ? tile.why : depthWords(tile);
-    if (!state.empty()) textLine(state, inner);
-  }
-  // current force with its limit and peak, and the last seconds as a line
-  if (tile.online && !tile.session_id.empty()) {
-    const std::string words = forceWords(tile);
-    // wide enough for its text and the sign for excessive force
-    const float needed = ImGui::CalcTextSize(words.c_str()).x + ImGui::GetFontSize() + 2 * space();
-    const float bar = std::min(inner, std::max(inner * 0.58F, needed));
-    levelBar(tile.force_N / tile.force_limit_N, words, kSkyBlue, bar);
-    if (tile.forces_N.size() > 1 && inner - bar > 4 * space()) {
-      ImGui::SameLine();
-      const std::vector<float> values(tile.forces_N.begin(), tile.forces_N.end());
-      sparkline(values, 0, static_cast<float>(std::max(tile.force_limit_N, tile.peak_force_N)), kSkyBlue,
-                {inner - bar - 1.5F * space(), ImGui::GetFontSize() * 1.35F});
-    }
-  }
-  if (!tile.verdict.empty()) {
-    WithTextColour colour(tile.passed.value_or(true) ? kText : styleOf(Condition::kAttention).colour);
-    textLine(tile.verdict, inner);
-  }
-  WithTextColour dim(tile.missed_ticks > 0 && tile.online ? kOrange : kDimText);
-  ImGui::SetCursorPosY(height_px - ImGui::GetFontSize() - 1.1F * space());
-  textLine(healthWords(tile), inner);
-}
-
-/// Result of a click on a tile.
-enum class TileClick { kNone, kOpen, kSeen };
-
-TileClick stationTile(const LabState& lab, const StationTile& tile, float width_px) {
-  const float height_px = tileHeight_px();
-  const ConditionStyle& style = styleOf(conditionOf(tile));
-  const bool calls = needsHelp(tile.need);
-  ImGui::PushID(tile.station.c_str());
-  ImGui::PushStyleColor(ImGuiCol_Border, colourOf(calls ? style.colour : kLineGrey));
-  ImGui::BeginChild(
-      "tile", {width_px, height_px}, true,
-      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoBackground);
-  const ImVec2 corner = ImGui::GetWindowPos();
-  solidRect(*ImGui::GetWindowDrawList(), {corner.x + 1, corner.y + 1},
-            {corner.x + width_px - 1, corner.y + height_px - 1},
-            calls ? mixed(kPanelGrey, style.colour, 0.16F) : kPanelGrey);
-  const float inner = ImGui::GetContentRegionAvail().x;
-  // Station, and its need at the right edge; a long name is cut so that the need stays visible.
-  const std::string word = std::string(style.sign) + " " + std::string(nameOf(tile.need));
-  const float word_px = ImGui::CalcTextSize(word.c_str()).x;
-  textLine(tile.station, std::max(space(), inner - word_px - 2 * space()));
-  ImGui::SameLine(inner + space() - word_px);
-  {
-    WithTextColour colour(style.colour);
-    ImGui::TextUnformatted(word.c_str());
-  }
-  tileLines(lab, tile, inner, height_px);
-  bool seen = false;
-  if (tile.need == Need::kAlarm) {
-    const WithFont small(Letters::kSmall);
-    const float wide = ImGui::CalcTextSize("Seen").x + 2 * ImGui::GetStyle().FramePadding.x;
-    ImGui::SetCursorPos({inner + space() - wide, height_px - ImGui::GetFrameHeight() - 0.6F * space()});
-    seen = ImGui::Button("Seen");
-  }
-  const bool on_button = ImGui::IsAnyItemHovered();
-  ImGui::EndChild();
-  ImGui::PopStyleColor();
-  const bool clicked = ImGui::IsItemClicked() && !on_button;
-  if (ImGui::IsItemHovered()) ImGui::SetMouseCursor(ImGuiMouseCursor_Hand);
-  ImGui::PopID();
-  return seen ? TileClick::kSeen : clicked ? TileClick::kOpen : TileClick::kNone;
-}
-
-/// The number of stations per need.
-void showCounts(const LabState& lab) {
+/// How many practise, and what is shown and chosen.
+void showHead(LabState& lab) {
   ImGui::AlignTextToFramePadding();
   const auto counts = lab.overview.counts();
-  std::size_t help = 0;
-  for (std::size_t i = 0; i < kNeedCount; ++i)
-    if (needsHelp(static_cast<Need>(i))) help += counts[i];
-  conditionLine(help > 0 ? Condition::kTrouble : Condition::kGood,
-                help == 0 ? std::string("no one needs help")
-                          : fmt::format("{} need{} help", help, help == 1 ? "s" : ""));
   for (const Need need : {Need::kPractising, Need::kWaiting, Need::kDone, Need::kOffline}) {
-    ImGui::SameLine(0, 2 * space());
-    WithTextColour dim(kDimText);
+    const WithTextColour dim(kDimText);
     ImGui::TextUnformatted(
         fmt::format("{} {}", counts[static_cast<std::size_t>(need)], nameOf(need)).c_str());
+    ImGui::SameLine(0, 2 * space());
   }
+  ImGui::SameLine(0, 3 * space());
+  ImGui::Checkbox("only online", &lab.filter.only_online);
+  ImGui::SameLine(0, 3 * space());
+  if (ImGui::Button("Choose all"))
+    for (const StationTile* tile : lab.overview.tiles(lab.filter))
+      if (tile->online) lab.chosen.insert(tile->station);
+  ImGui::SameLine();
+  if (!lab.chosen.empty() && ImGui::Button("Choose none")) lab.chosen.clear();
+  ImGui::SameLine(0, 3 * space());
+  ImGui::SetNextItemWidth(-1);
+  ImGui::InputTextWithHint("##find", "find a station, a trainee or an exercise", &lab.filter.text);
 }
 
-void showChoices(LabState& lab) {
-  ImGui::SameLine(0, 3 * space());
-  ImGui::Checkbox("only those that need help", &lab.filter.only_help);
-  ImGui::SameLine();
-  ImGui::Checkbox("only online", &lab.filter.only_online);
-  ImGui::SameLine();
-  constexpr std::array<std::pair<TileOrder, const char*>, 4> kOrders = {
-      {{TileOrder::kNeed, "by need"},
-       {TileOrder::kName, "by name"},
-       {TileOrder::kTrainee, "by trainee"},
-       {TileOrder::kPeakForce, "by force"}}};
-  ImGui::SetNextItemWidth(14 * space());
-  const auto now =
-      std::find_if(kOrders.begin(), kOrders.end(), [&](const auto& o) { return o.first == lab.order; });
-  if (ImGui::BeginCombo("##order", now->second)) {
-    for (const auto& [order, word] : kOrders)
-      if (ImGui::Selectable(word, order == lab.order)) lab.order = order;
-    ImGui::EndCombo();
+void showCall(LabState& lab, const HelpCall& call, bool calls) {
+  ImGui::PushID(call.station.c_str());
+  const StationTile* const tile = lab.overview.find(call.station);
+  conditionLine(calls && tile != nullptr ? conditionOf(*tile) : Condition::kUnknown,
+                call.station + (call.trainee.empty() ? "" : " · " + call.trainee));
+  {
+    const WithFont small(Letters::kSmall);
+    const WithTextColour colour(calls ? kText : kDimText);
+    const char* const quiet = calls ? "" : call.seen ? ", seen" : ", put off";
+    textBlock(fmt::format("{}, for {}{}", call.words, agoWords(lab.now_s() - call.since_s), quiet));
+    if (ImGui::Button("Watch")) lab.open(call.station);
+    if (calls) {
+      ImGui::SameLine();
+      if (ImGui::Button("Seen")) lab.overview.acknowledge(call.station);
+      ImGui::SameLine();
+      if (ImGui::Button("In 5 min")) lab.overview.snooze(call.station);
+    }
   }
-  ImGui::SameLine();
-  ImGui::SetNextItemWidth(-1);
-  ImGui::InputTextWithHint("##find", "find a name", &lab.filter.text);
+  ImGui::Spacing();
+  ImGui::PopID();
+}
+
+/// Who needs help, and what was.
+void showRail(LabState& lab, ImVec2 size_px) {
+  beginPanel("help", {}, size_px.x, size_px.y);
+  // a button of one may change the others
+  std::vector<std::pair<HelpCall, bool>> shown;
+  std::size_t calling = 0;
+  for (const HelpCall* call : lab.overview.calls().open(lab.now_s())) {
+    shown.emplace_back(*call, lab.overview.calls().calls(call->station, lab.now_s()));
+    calling += shown.back().second ? 1 : 0;
+  }
+  {
+    const WithFont heading(Letters::kHeading);
+    conditionLine(calling > 0 ? Condition::kTrouble : Condition::kGood,
+                  calling == 0 ? std::string("no one needs help")
+                               : fmt::format("{} need{} help", calling, calling == 1 ? "s" : ""));
+  }
+  ImGui::Spacing();
+  for (const auto& [call, calls] : shown) showCall(lab, call, calls);
+  if (!lab.overview.calls().over().empty()) {
+    ImGui::Separator();
+    const WithFont small(Letters::kSmall);
+    const WithTextColour dim(kDimText);
+    ImGui::TextUnformatted("Earlier");
+    for (const HelpCall& call : lab.overview.calls().over())
+      textBlock(fmt::format("{} ago: {}{}, {}", agoWords(lab.now_s() - call.over_s), call.station,
+                            call.trainee.empty() ? "" : " · " + call.trainee, call.words));
+  }
+  endPanel();
 }
 
 }  // namespace
 
-void showLab(LabState& lab) {
-  showCounts(lab);
-  showChoices(lab);
-  const auto tiles = lab.overview.tiles(lab.order, lab.filter);
+void LabScreen::showTiles(LabState& lab, ImVec2 size_px) {
+  const auto tiles = lab.overview.tiles(lab.filter);
+  ImGui::BeginChild("tiles", size_px, false, ImGuiWindowFlags_NoBackground);
+  if (tiles.empty()) {
+    if (showEmpty("No station matches", "The filter hides every station.", "Show all")) lab.filter = {};
+    ImGui::EndChild();
+    return;
+  }
+  const float gap = 0.6F * space();
+  const ImVec2 room = ImGui::GetContentRegionAvail(), least = leastTile_px();
+  const TileGrid grid = tileGrid(static_cast<int>(tiles.size()), room.x, room.y, gap, least.x, least.y);
+  const float scrollbar = grid.scrolls ? ImGui::GetStyle().ScrollbarSize : 0;
+  const ImVec2 tile_px{grid.width_px - scrollbar / static_cast<float>(grid.columns), grid.height_px};
+  ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {gap, gap});
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    if (i % static_cast<std::size_t>(grid.columns) != 0) ImGui::SameLine();
+    // skips tiles outside the visible area
+    const ImVec2 at = ImGui::GetCursorScreenPos();
+    if (!ImGui::IsRectVisible(at, {at.x + tile_px.x, at.y + tile_px.y})) {
+      ImGui::Dummy(tile_px);
+      continue;
+    }
+    const std::string station = tiles[i]->station;
+    const TileClick click = stationTile(lab, *tiles[i], tile_px);
+    if (click == TileClick::kOpen) lab.open(station);
+    if (click == TileClick::kChoose && lab.chosen.erase(station) == 0) lab.chosen.insert(station);
+  }
+  ImGui::PopStyleVar();
+  ImGui::EndChild();
+}
+
+void LabScreen::show(LabState& lab) {
+  showHead(lab);
   if (lab.overview.size() == 0) {
     showEmpty("No stations yet",
               "An administrator adds stations: needlelab-admin station add NAME. Then a station is started "
@@ -151,29 +136,15 @@ void showLab(LabState& lab) {
               "key that this made, and appears here by itself.");
     return;
   }
-  if (tiles.empty()) {
-    if (showEmpty("No station matches", "The filter hides every station.", "Show all")) lab.filter = {};
-    return;
-  }
-  ImGui::BeginChild("tiles", {0, 0}, false, ImGuiWindowFlags_NoBackground);
-  const float gap = ImGui::GetStyle().ItemSpacing.x;
-  const float room = ImGui::GetContentRegionAvail().x;
-  const int columns = std::max(1, static_cast<int>(room / (30 * space())));
-  const float width = (room - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns);
-  for (std::size_t i = 0; i < tiles.size(); ++i) {
-    if (i % static_cast<std::size_t>(columns) != 0) ImGui::SameLine();
-    // skips tiles outside the visible area
-    const ImVec2 at = ImGui::GetCursorScreenPos();
-    if (!ImGui::IsRectVisible(at, {at.x + width, at.y + tileHeight_px()})) {
-      ImGui::Dummy({width, tileHeight_px()});
-      continue;
-    }
-    const std::string station = tiles[i]->station;
-    const TileClick click = stationTile(lab, *tiles[i], width);
-    if (click == TileClick::kOpen) lab.open(station);
-    if (click == TileClick::kSeen) lab.overview.acknowledge(station);
-  }
-  ImGui::EndChild();
+  const auto to = lab.addressees();
+  const float gap = ImGui::GetStyle().ItemSpacing.y;
+  const ImVec2 room = ImGui::GetContentRegionAvail();
+  const float talk_px = to.empty() ? 0 : CommandPanel::height_px() + gap;
+  const float rail_px = std::min(kRail * space(), 0.3F * room.x);
+  showTiles(lab, {room.x - rail_px - ImGui::GetStyle().ItemSpacing.x, room.y - talk_px});
+  ImGui::SameLine();
+  showRail(lab, {rail_px, room.y - talk_px});
+  if (!to.empty()) commands.show(lab, to);
 }
 
 }  // namespace needlelab

@@ -3,15 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <utility>
-
-#include <imgui/imgui_stdlib.h>
 
 #include <fmt/core.h>
 
 #include "client/instructor/model/live/session_scene.h"
-#include "client/view/action_bar.h"
-#include "client/view/input_queue.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
@@ -19,92 +14,6 @@
 #include "common/haptics/phase_words.h"
 
 namespace needlelab {
-namespace {
-
-bool lineAndButton(const char* id, const char* hint, std::string& text, const char* button, bool& focus,
-                   float width) {
-  if (std::exchange(focus, false)) focusNextField();
-  ImGui::SetNextItemWidth(width);
-  bool go = ImGui::InputTextWithHint(id, hint, &text, ImGuiInputTextFlags_EnterReturnsTrue);
-  ImGui::SameLine();
-  go |= ImGui::Button(button);
-  return go && !text.empty();
-}
-
-}  // namespace
-
-void CommandPanel::showTexts(LabState& lab) {
-  const float width = ImGui::GetContentRegionAvail().x * 0.34F;
-  if (lineAndButton("##message", "message to the trainee", message_, "Send", focus_message_, width)) {
-    // unsent text stays in its field
-    if (lab.commands.message(lab.live()->station(), message_)) message_.clear();
-  }
-  ImGui::SameLine(0, 3 * space());
-  const bool paused = lab.live()->paused();
-  if (lineAndButton("##remark", paused ? "remark at the moment shown" : "remark at this moment", remark_,
-                    "Annotate", focus_remark_, width)) {
-    if (lab.annotate(remark_)) remark_.clear();
-  }
-}
-
-void CommandPanel::showExercise(LabState& lab) {
-  ImGui::SetNextItemWidth(25 * space());
-  if (ImGui::BeginCombo("##next", "Next exercise …")) {
-    for (const ExerciseChoice& exercise : lab.exercises()) {
-      if (ImGui::Selectable((exercise.name + "##" + exercise.id).c_str()))
-        lab.commands.nextExercise(lab.live()->station(), exercise.id, exercise.name);
-    }
-    ImGui::EndCombo();
-  }
-}
-
-void CommandPanel::showAids(LabState& lab) {
-  AidSet aids(lab.aidsNow());
-  ImGui::SetNextItemWidth(25 * space());
-  if (!ImGui::BeginCombo("##aids", "What the trainee sees …", ImGuiComboFlags_HeightLarge)) return;
-  for (int number = pb::Exercise::Aid_MIN + 1; number <= pb::Exercise::Aid_MAX; ++number) {
-    const auto aid = static_cast<pb::Exercise::Aid>(number);
-    bool on = aids.has(aid);
-    if (!ImGui::Checkbox(std::string(aidWord(aid)).c_str(), &on)) continue;
-    aids.set(aid, on);
-    lab.setAids(aids.list());
-  }
-  if (ImGui::Button("As the exercise sets it")) lab.resetAids();
-  ImGui::EndCombo();
-}
-
-void CommandPanel::showStop(LabState& lab) {
-  StopQuestion& question = lab.stop_question;
-  const auto actions = stopActions(question.asking());
-  const bool answerable = stop_gate_.opens(question.asking() ? 1 : 0);
-  if (!question.asking()) {
-    if (actionLine(actions) == kActStop) question.ask(*lab.live());
-    return;
-  }
-  // confirmation within the panel
-  ImGui::SetNextItemWidth(26 * space());
-  ImGui::InputTextWithHint("##reason", "reason (the trainee sees it)", &question.reason);
-  ImGui::SameLine();
-  ImGui::BeginDisabled(!answerable);
-  auto chosen = actionLine(actions, true);
-  ImGui::EndDisabled();
-  if (answerable && !chosen) chosen = pressedAction(actions);
-  if (chosen == kActStopNow)
-    lab.commands.stopLesson(lab.live()->station(), lab.live()->sessionId(), question.reason);
-  if (chosen) question.withdraw();
-}
-
-void CommandPanel::show(LabState& lab) {
-  beginPanel("talk", {}, 0, 0);
-  showTexts(lab);
-  showExercise(lab);
-  ImGui::SameLine();
-  showAids(lab);
-  ImGui::SameLine(0, 3 * space());
-  showStop(lab);
-  endPanel();
-}
-
 namespace {
 
 constexpr double kTrail_s = 8;
@@ -153,16 +62,21 @@ void LiveScreen::showHead(LabState& lab) {
       "{} frames, {} dropped   latency {:.0f} ms, {:.0f} ms to the screen (99 % within {:.0f} ms)",
       stats.frames(), stats.dropped() + lab.link().frames_dropped, stats.lastLatencyMs(),
       live.latency().last_ms(), live.latency().quantile_ms(0.99));
+  if (const StationTile* const tile = lab.overview.find(live.station())) words += "   " + healthWords(*tile);
   WithTextColour dim(live.paused() ? kYellow : kDimText);
   textLine(words);
 }
 
 void LiveScreen::showAlarms(LabState& lab) {
   const StationTile* const tile = lab.overview.find(lab.live()->station());
-  if (tile == nullptr || tile->alarms.empty()) return;
-  if (std::any_of(tile->alarms.begin(), tile->alarms.end(), [](const TileAlarm& a) { return !a.seen; })) {
+  if (tile == nullptr || (tile->alarms.empty() && !tile->calls)) return;
+  if (tile->calls) {
     if (ImGui::Button("Seen")) lab.overview.acknowledge(tile->station);
     ImGui::SameLine(0, 2 * space());
+  }
+  if (tile->hand_raised) {
+    conditionLine(Condition::kAttention, "the trainee asks for help");
+    ImGui::SameLine(0, 3 * space());
   }
   for (const TileAlarm& alarm : tile->alarms) {
     conditionLine(alarm.danger ? Condition::kTrouble : Condition::kAttention,
@@ -208,7 +122,7 @@ void LiveScreen::show(LabState& lab) {
   showHead(lab);
   showAlarms(lab);
   const ImVec2 room = ImGui::GetContentRegionAvail();
-  const float talk_px = 10.5F * space();
+  const float talk_px = CommandPanel::height_px();
   const float height = room.y - talk_px - ImGui::GetStyle().ItemSpacing.y;
   if (live.trace().empty()) {
     ImGui::BeginChild("waiting", {0, height}, false, ImGuiWindowFlags_NoBackground);
@@ -224,7 +138,7 @@ void LiveScreen::show(LabState& lab) {
     ImGui::SameLine();
     showPlots(live, lab.requirementsNow(), {0, height});
   }
-  commands.show(lab);
+  commands.show(lab, lab.commanded());
 }
 
 }  // namespace needlelab

@@ -37,26 +37,35 @@ void showWork(const LabState& lab);
 /// The first screen: server, CA file, name, password. Explains errors in plain words.
 void showLogin(LabState& lab);
 
-/// The whole lab: a tile for each station, those that need help first.
-void showLab(LabState& lab);
-
-/// Commands to the watched station: message, remark, next exercise, aids, stop.
+/// Commands to one station or several: message, next exercise, aids, stop; to the watched one also a remark.
 class CommandPanel {
  public:
-  /// `lab.live()` must not be null.
-  void show(LabState& lab);
+  static float height_px();
+  /// `to`: lab.commanded(), not empty.
+  void show(LabState& lab, const std::vector<Addressee>& to);
   /// Moves the cursor there in the next frame.
   void focusMessage() { focus_message_ = true; }
   void focusRemark() { focus_remark_ = true; }
 
  private:
-  void showTexts(LabState& lab);
-  void showExercise(LabState& lab);
+  void showTexts(LabState& lab, const std::vector<Addressee>& to);
+  void showExercise(LabState& lab, const std::vector<Addressee>& to);
   void showAids(LabState& lab);
-  void showStop(LabState& lab);
+  void showStop(LabState& lab, const std::vector<Addressee>& lessons);
   std::string message_, remark_;  // as typed
   bool focus_message_ = false, focus_remark_ = false;
   AnswerGate stop_gate_;
+};
+
+/// The whole lab: a tile for each station, in the order of their names, a rail of those that need help, and
+/// commands to those that are chosen.
+class LabScreen {
+ public:
+  void show(LabState& lab);
+  CommandPanel commands;
+
+ private:
+  static void showTiles(LabState& lab, ImVec2 size_px);
 };
 
 /// Live view of one trainee: scene, plots, commands to the station.

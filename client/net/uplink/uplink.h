@@ -101,6 +101,8 @@ class Uplink {
   /// viewers.
   void offer(const SamplePiece& piece);
   void noteMissedTicks(std::uint64_t missed) { missed_ticks_.store(missed, std::memory_order_relaxed); }
+  /// For StationStatus.hand_raised.
+  void noteHand(bool raised) { hand_raised_.store(raised, std::memory_order_relaxed); }
   void noteWakeup(std::uint32_t p99_us) { wakeup_p99_us_.store(p99_us, std::memory_order_relaxed); }
   /// Sets the facts of the current session; adding another session clears them. Thread: any.
   void noteLesson(LessonFacts facts);
@@ -187,6 +189,7 @@ class Uplink {
   std::atomic<bool> watched_{false};
   std::atomic<std::uint64_t> missed_ticks_{0};
   std::atomic<std::uint32_t> wakeup_p99_us_{0};
+  std::atomic<bool> hand_raised_{false};
   std::thread thread_;
 };
 

@@ -417,6 +417,7 @@ void Uplink::sendStatus() {
     status.set_started_unix_ns(description.started_unix_ns());
   }
   status.set_missed_ticks(missed_ticks_.load(std::memory_order_relaxed));
+  status.set_hand_raised(hand_raised_.load(std::memory_order_relaxed));
   status.set_wakeup_p99_us(wakeup_p99_us_.load(std::memory_order_relaxed));
   if (auto encoded = encodeFrame(envelope); encoded.ok()) link_.sendLive(*encoded, false);
 }

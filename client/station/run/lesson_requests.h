@@ -46,6 +46,15 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     switches_cap_ = true;
   }
+  /// The trainee's hand: up, or down again. It is up until it is lowered, or the next lesson begins.
+  void switchHand() {
+    const std::scoped_lock lock(mutex_);
+    hand_raised_ = !hand_raised_;
+  }
+  [[nodiscard]] bool handRaised() const {
+    const std::scoped_lock lock(mutex_);
+    return hand_raised_;
+  }
   void setAids(ChosenAids chosen) {
     const std::scoped_lock lock(mutex_);
     aids_ = std::move(chosen);
@@ -76,14 +85,14 @@ class LessonRequests {
     const std::scoped_lock lock(mutex_);
     stop_.reset();
     aids_.reset();
-    acknowledged_ = begins_exam_ = switches_cap_ = false;
+    acknowledged_ = begins_exam_ = switches_cap_ = hand_raised_ = false;
   }
 
  private:
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::optional<StopCause> stop_;
   std::optional<ChosenAids> aids_;
-  bool acknowledged_ = false, begins_exam_ = false, switches_cap_ = false;
+  bool acknowledged_ = false, begins_exam_ = false, switches_cap_ = false, hand_raised_ = false;
 };
 
 }  // namespace needlelab

@@ -138,6 +138,7 @@ void LoopWatch::reportToServer() {
   const ServoLoop& loop = watched_.loop;
   uplink.noteMissedTicks(loop.missedTicks());
   uplink.noteWakeup(static_cast<std::uint32_t>(loop.stats().wakeup.quantile_ns(0.99) / 1000));
+  uplink.noteHand(watched_.home.requests().handRaised());
   uplink.noteTrouble("disk", watched_.writer.trouble());
   uplink.noteTrouble("spool", watched_.home.guard().trouble());
   uplink.noteTrouble("device", faults_.trouble());

@@ -21,6 +21,7 @@
 #include "client/station/run/checks/measure_delay.h"
 #include "client/station/run/io/terminal.h"
 #include "client/station/run/lesson/curriculum.h"
+#include "client/station/run/lesson/hand_buttons.h"
 #include "client/station/run/lesson/lesson.h"
 #include "client/station/run/lesson/local_score.h"
 #include "client/station/run/lesson/memory_follower.h"
@@ -225,18 +226,20 @@ Status StationRun::practise() {
   // computes the figures for the instructor's overview, on the writer's thread
   const auto lesson_watch = std::make_shared<LessonWatch>(lesson_.profile, options_.X_WL,
                                                           lesson_.exercise ? &*lesson_.exercise : nullptr);
+  const auto hand_buttons = std::make_shared<HandButtons>(options_.rate_hz);
   const auto memory_follower = std::make_shared<MemoryFollower>(lesson_.model);
   callbacks.cut_memory = [memory_follower](const GestureSample& sample, bool wanted) {
     memory_follower->follow(sample);
     return wanted ? memory_follower->cuts() : Bytes();
   };
   callbacks.paths = [memory_follower](bool first) { return memory_follower->path(first); };
-  callbacks.piece = [this, uplink, lesson_watch, memory_follower](const SamplePiece& samples) {
+  callbacks.piece = [this, uplink, lesson_watch, hand_buttons, memory_follower](const SamplePiece& samples) {
     SamplePiece piece = samples;
     piece.cut_memory = memory_follower->cutsDue();  // its last sample is the last one followed
     piece.paths = memory_follower->pathsDue();
     lesson_watch->add(*piece.samples);
     alarms_.take(lesson_watch->alarms());
+    if (hand_buttons->press(*piece.samples)) home_.requests().switchHand();
     if (uplink != nullptr) {
       uplink->offer(piece);
       uplink->noteLesson({lesson_watch->peakForce_N(), lesson_watch->warnings(), lesson_watch->forceLimit_N(),

@@ -1,10 +1,17 @@
 #include "client/station/window/trainee_window.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
 #include <imgui/imgui.h>
+
+#include <utility>
 
 #include "client/station/run/io/terminal.h"
 #include "client/station/window/lessons/start_choice.h"
+#include "client/station/window/screens/lesson_screen.h"
 #include "client/station/window/screens/station_actions.h"
+#include "client/view/theme.h"
 
 namespace needlelab {
 
@@ -65,14 +72,29 @@ void TraineeWindow::follow() {
     lesson_screen_.begin(*follow_);
   }
   if (!follow_) return;
-  samples_.clear();
-  Bytes cut_memory, paths;
-  const std::uint64_t dropped = board_.takeSamples(lesson_, samples_, &cut_memory, &paths);
-  follow_->feed(samples_, dropped, cut_memory, paths);
+  // one by one, however many wait: each has its own paths
+  std::uint64_t dropped = board_.takePieces(lesson_, pieces_);
+  for (const LessonBoard::Taken& piece : pieces_)
+    follow_->feed(*piece.samples, std::exchange(dropped, 0), piece.cut_memory, piece.paths);
 }
 
 void TraineeWindow::askToQuit() {
   if (may_quit_ && !quit_question_.asked()) quit_question_.ask();
+}
+
+// over every screen, with a server, as it has instructors
+void TraineeWindow::showHand() {
+  if (state_.server.empty()) return;
+  if (ImGui::IsKeyPressed(GLFW_KEY_F2, false)) requests_.switchHand();
+  if (!requests_.handRaised()) return;
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({0.5F * screen.x, screen.y}, ImGuiCond_Always, {0.5F, 1});
+  if (ImGui::Begin("##hand", nullptr, kLaidOver)) {
+    conditionLine(Condition::kAttention, state_.server_away
+                                             ? "Your hand is up. No server: call out. F2 lowers it."
+                                             : "Your hand is up: the instructor sees it. F2 lowers it.");
+  }
+  ImGui::End();
 }
 
 void TraineeWindow::frame() {
@@ -81,6 +103,7 @@ void TraineeWindow::frame() {
   if (showScreen(changed, !quit_question_.asked())) askToQuit();
   offerExam();
   showQuestion();
+  showHand();
 }
 
 bool TraineeWindow::showScreen(bool changed, bool keys) {

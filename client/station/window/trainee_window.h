@@ -46,6 +46,7 @@ class TraineeWindow {
   bool showScreen(bool changed, bool keys);
   void showQuestion();
   void offerExam();
+  void showHand();
 
   LessonBoard& board_;
   LessonRequests& requests_;
@@ -54,7 +55,7 @@ class TraineeWindow {
   std::unique_ptr<SceneRenderer> renderer_;
   BoardState state_;
   std::uint64_t seen_ = 0, lesson_ = 0;
-  std::vector<GestureSample> samples_;
+  std::vector<LessonBoard::Taken> pieces_;
   std::unique_ptr<LessonFollow> follow_;
   StartScreen start_;
   LessonScreen lesson_screen_;

@@ -235,6 +235,17 @@ TissuesOnLine tissuesOnLine(const SceneView& scene, const NeedleLine& line, doub
   return way;
 }
 
+double ladderDepth_m(const SceneView& scene, double insertion_m) {
+  const NeedleLine line = lineToTarget(scene);
+  const TissuesOnLine way = tissuesOnLine(scene, line, lineReach_m(scene, line.entry_W_m, line.u_W));
+  double deepest = 0;
+  for (const TissuesOnLine::Aim& aim : way.targets)
+    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
+  if (deepest > 0) return std::max(1.2 * deepest, 1.1 * insertion_m);
+  const double layers = scene.body || scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
+  return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
+}
+
 Vec3 openingOf(const SceneView& scene, Vec3 tip_W_m, Quat q_WT) {
   return tip_W_m - openingBehindTip_m(scene.needle) * normalized(zAxis(q_WT));
 }

@@ -122,6 +122,9 @@ struct TissuesOnLine {
 /// The tissues of the path that the engine stepped on; without one, where the line meets them in the scene,
 /// to 0.1 mm.
 TissuesOnLine tissuesOnLine(const SceneView& scene, const NeedleLine& line, double reach_m);
+/// How deep a column of the tissues shows, in m: a fifth beyond the deepest target; without targets, to the
+/// end of the layers or of the needle, whichever is less.
+double ladderDepth_m(const SceneView& scene, double insertion_m = 0);
 /// Whether a target is that structure: then one of the two names is enough.
 bool isTarget(const SceneView& scene, int layer);
 /// The line from the focus to the first target, or straight in.

@@ -199,6 +199,30 @@ std::string wordsOfName(std::string_view name) {
   return words;
 }
 
+bool beforeNaturally(std::string_view a, std::string_view b) {
+  const auto isDigit = [](char c) { return c >= '0' && c <= '9'; };
+  // the digits from `at` on, without leading zeros
+  const auto digits = [&](std::string_view text, std::size_t& at) {
+    while (at < text.size() && text[at] == '0') ++at;
+    const std::size_t from = at;
+    while (at < text.size() && isDigit(text[at])) ++at;
+    return text.substr(from, at - from);
+  };
+  std::size_t i = 0, k = 0;
+  while (i < a.size() && k < b.size()) {
+    if (isDigit(a[i]) && isDigit(b[k])) {
+      const std::string_view x = digits(a, i), y = digits(b, k);
+      if (x.size() != y.size()) return x.size() < y.size();
+      if (x != y) return x < y;
+      continue;
+    }
+    const char x = lowerCase(a[i++]), y = lowerCase(b[k++]);
+    if (x != y) return static_cast<unsigned char>(x) < static_cast<unsigned char>(y);
+  }
+  if (i == a.size() && k == b.size()) return a < b;
+  return i == a.size();
+}
+
 std::string hexDigitsOf(std::string_view bytes) {
   constexpr std::string_view kDigits = "0123456789abcdef";
   std::string text;

@@ -67,6 +67,14 @@ constexpr int hexDigit(char c) {
   return small >= 'a' && small <= 'f' ? small - 'a' + 10 : -1;
 }
 
+/// The order in which people list names: digits by their number, "station-2" before "station-10"; equal names
+/// by their bytes.
+bool beforeNaturally(std::string_view a, std::string_view b);
+struct BeforeNaturally {
+  using is_transparent = void;
+  bool operator()(std::string_view a, std::string_view b) const { return beforeNaturally(a, b); }
+};
+
 /// The bytes as lower-case hexadecimal digits.
 std::string hexDigitsOf(std::string_view bytes);
 /// The inverse of hexDigitsOf. Errors: kInvalidInput, for capitals, too.

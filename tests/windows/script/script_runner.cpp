@@ -116,9 +116,7 @@ Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow
   if (verb == "filter") {
     const std::string& what = action.words[0];
     lab.filter = {};
-    if (what == "help")
-      lab.filter.only_help = true;
-    else if (what == "online")
+    if (what == "online")
       lab.filter.only_online = true;
     else if (what != "all")
       lab.filter.text = what;
@@ -126,9 +124,10 @@ Result<bool> ScriptRunner::actOnLab(const ScriptAction& action, InstructorWindow
     return true;
   }
   if (verb == "open-first") {
-    const auto tiles = lab.overview.tiles(lab.order, lab.filter);
-    if (tiles.empty()) return false;
-    lab.open(tiles.front()->station);
+    const auto calls = lab.overview.calls().open(lab.now_s());
+    const auto tiles = lab.overview.tiles(lab.filter);
+    if (calls.empty() && tiles.empty()) return false;
+    lab.open(std::string(calls.empty() ? tiles.front()->station : calls.front()->station));
     return true;
   }
   if (verb == "open") {
@@ -183,11 +182,11 @@ Result<bool> ScriptRunner::actOnStation(const ScriptAction& action, InstructorWi
     live->scrollTo(live->trace().lastTime_s() - number(action));
     return true;
   }
-  if (first && verb == "message") lab.commands.message(live->station(), action.words[0]);
+  if (first && verb == "message") lab.commands.message(lab.commanded(), action.words[0]);
   if (first && verb == "next-exercise")
-    lab.commands.nextExercise(live->station(), action.words[0], lab.exerciseName(action.words[0]));
+    lab.commands.nextExercise(lab.commanded(), action.words[0], lab.exerciseName(action.words[0]));
   if (first && verb == "stop-lesson")
-    lab.commands.stopLesson(live->station(), live->sessionId(), action.words.empty() ? "" : action.words[0]);
+    lab.commands.stopLessons(lab.commanded(), action.words.empty() ? "" : action.words[0]);
   if (first && verb == "aids") {
     if (action.words[0] == "reset") {
       lab.resetAids();

@@ -16,18 +16,14 @@
 namespace needlelab {
 namespace {
 
-struct NeedStyle {
-  std::string_view word;
-  Condition condition;
-};
-constexpr std::array<NeedStyle, kNeedCount> kNeeds = {{{"FAULT", Condition::kTrouble},
-                                                       {"alarm", Condition::kTrouble},
-                                                       {"trouble", Condition::kAttention},
-                                                       {"lost mid-lesson", Condition::kAttention},
-                                                       {"waiting", Condition::kUnknown},
-                                                       {"done", Condition::kUnknown},
-                                                       {"practising", Condition::kGood},
-                                                       {"offline", Condition::kUnknown}}};
+constexpr std::array<Condition, kNeedCount> kConditions = {
+    Condition::kTrouble,   Condition::kTrouble,   Condition::kAttention,
+    Condition::kAttention, Condition::kAttention, Condition::kUnknown,
+    Condition::kUnknown,   Condition::kGood,      Condition::kUnknown};
+
+/// From this share of missed ticks on, a hand feels that the force stutters.
+constexpr double kStutters = 0.01;
+constexpr std::uint64_t kJudgedTicks = 2000;
 
 bool holds(const StationTile& tile, const std::string& part) {
   return lowerCase(tile.station).find(part) != std::string::npos ||
@@ -49,12 +45,9 @@ const AlarmKind* kindNamed(std::string_view name) {
 
 }  // namespace
 
-std::string_view nameOf(Need need) {
-  return kNeeds[static_cast<std::size_t>(need)].word;
-}
 Condition conditionOf(const StationTile& tile) {
   if (tile.need == Need::kDone && tile.passed) return *tile.passed ? Condition::kGood : Condition::kAttention;
-  return kNeeds[static_cast<std::size_t>(tile.need)].condition;
+  return kConditions[static_cast<std::size_t>(tile.need)];
 }
 
 std::string lessonWords(const StationTile& tile, const std::string& exercise) {
@@ -104,6 +97,8 @@ void LabOverview::setStations(const pb::Stations& stations, double now_s) {
     status.set_online(info.online());
     onStatus(status, now_s);
   }
+  for (const auto& [name, entry] : entries_)
+    if (!known.contains(name)) calls_.note(entry.tile.station, {}, Need::kOffline, {}, now_s);
   std::erase_if(entries_, [&](const auto& each) { return !known.contains(each.first); });
 }
 
@@ -139,6 +134,7 @@ void LabOverview::onStatus(const pb::StationStatus& status, double now_s) {
   tile.insertion_m = sane(status.insertion_m());
   tile.force_N = sane(status.force_n());
   tile.fault = status.fault();
+  tile.hand_raised = status.hand_raised();
   tile.trouble = printable(status.trouble());
   tile.server = printable(status.server());
   tile.missed_ticks = status.missed_ticks();
@@ -180,7 +176,8 @@ void LabOverview::beginLesson(Entry& entry, double now_s) {
   tile.forces_N.clear();
 }
 
-void LabOverview::judge(Entry& entry, double now_s) const {
+void LabOverview::judge(Entry& entry, double now_s) {
+  now_s_ = now_s;
   StationTile& tile = entry.tile;
   const bool lesson = !tile.session_id.empty();
   tile.lesson_s = lesson ? std::max(0.0, now_s - entry.began_s) : 0;
@@ -206,17 +203,26 @@ void LabOverview::judge(Entry& entry, double now_s) const {
     tile.need = Need::kAlarm;
     tile.why = std::find_if(tile.alarms.begin(), tile.alarms.end(), isNew)->words;
     if (unseen > 1) tile.why += fmt::format("; {} more", unseen - 1);
+  } else if (tile.hand_raised && tile.online) {
+    tile.need = Need::kHand;
+    tile.why = "asks for help";
   } else if (!tile.online) {
     tile.need = entry.lost_in_lesson ? Need::kLost : Need::kOffline;
     if (entry.lost_in_lesson) tile.why = "the lesson continues at the station and is stored there";
   } else if (!tile.trouble.empty()) {
     tile.need = Need::kTrouble;
     tile.why = tile.trouble;
+  } else if (lesson && tile.samples >= kJudgedTicks &&
+             static_cast<double>(tile.missed_ticks) > kStutters * static_cast<double>(tile.samples)) {
+    tile.need = Need::kTrouble;
+    tile.why = "the force stutters: the station is too busy";
   } else if (lesson) {
     tile.need = Need::kPractising;
   } else {
     tile.need = now_s - entry.ended_s <= kDoneLasts_s ? Need::kDone : Need::kWaiting;
   }
+  calls_.note(tile.station, tile.trainee, tile.need, tile.why, now_s);
+  tile.calls = calls_.calls(tile.station, now_s);
 }
 
 void LabOverview::acknowledge(const std::string& station) {
@@ -226,6 +232,15 @@ void LabOverview::acknowledge(const std::string& station) {
   for (const pb::AlarmCount& count : entry.alarms) entry.seen[count.alarm()] = count.begun();
   for (TileAlarm& alarm : entry.tile.alarms) alarm.seen = true;
   entry.earlier.clear();
+  calls_.acknowledge(entry.tile.station);
+  judge(entry, now_s_);  // an alarm that was seen is over: the next one calls again
+}
+
+void LabOverview::snooze(const std::string& station) {
+  const auto found = entries_.find(station);
+  if (found == entries_.end()) return;
+  calls_.snooze(found->second.tile.station, now_s_ + kSnooze_s);
+  found->second.tile.calls = false;
 }
 
 std::vector<std::string> LabOverview::verdictsToRequest(double now_s) {
@@ -267,30 +282,14 @@ const StationTile* LabOverview::find(const std::string& station) const {
   return found == entries_.end() ? nullptr : &found->second.tile;
 }
 
-std::vector<const StationTile*> LabOverview::tiles(TileOrder order, const TileFilter& filter) const {
+std::vector<const StationTile*> LabOverview::tiles(const TileFilter& filter) const {
   std::vector<const StationTile*> chosen;
   const std::string part = lowerCase(filter.text);
   for (const auto& [name, entry] : entries_) {
     const StationTile& tile = entry.tile;
-    if (filter.only_help && !needsHelp(tile.need)) continue;
     if (filter.only_online && !tile.online) continue;
     if (!part.empty() && !holds(tile, part)) continue;
     chosen.push_back(&tile);
-  }
-  // the map is ordered by name, and a stable sort keeps that order among equals
-  const auto by = [&](auto before) { std::stable_sort(chosen.begin(), chosen.end(), before); };
-  switch (order) {
-    case TileOrder::kNeed:
-      by([](const auto* a, const auto* b) { return a->need < b->need; });
-      break;
-    case TileOrder::kTrainee:
-      by([](const auto* a, const auto* b) { return a->trainee < b->trainee; });
-      break;
-    case TileOrder::kPeakForce:
-      by([](const auto* a, const auto* b) { return a->peak_force_N > b->peak_force_N; });
-      break;
-    case TileOrder::kName:
-      break;
   }
   return chosen;
 }

@@ -1,4 +1,4 @@
-/// Overview of the lab: a tile for each station, ordered by need for help. Pure; has no clock.
+/// Overview of the lab: a tile for each station, and who calls for help. Pure; has no clock.
 #pragma once
 
 #include <array>
@@ -11,29 +11,13 @@
 #include <string_view>
 #include <vector>
 
+#include "client/instructor/model/live/help_calls.h"
 #include "client/view/model/palette.h"
+#include "common/base/text/text.h"
 #include "common/scoring/alarms/alarms.h"
 #include "needlelab/control.pb.h"
 
 namespace needlelab {
-
-/// Reasons to look at a station, most urgent first.
-enum class Need : std::uint8_t {
-  kFault,    ///< the gate removed the force
-  kAlarm,    ///< of the gesture (common/scoring/alarms/alarms.h), until acknowledged: also after the lesson
-  kTrouble,  ///< the station reports trouble: disk, device, loop
-  kLost,     ///< went offline during a lesson
-  kWaiting,  ///< online, without a lesson
-  kDone,     ///< a lesson ended within kDoneLasts_s
-  kPractising,  ///< a lesson without problems
-  kOffline,
-};
-inline constexpr std::size_t kNeedCount = 8;
-std::string_view nameOf(Need need);
-/// For a filter: "help" is kFault … kLost.
-inline bool needsHelp(Need need) {
-  return need <= Need::kLost;
-}
 
 /// How long a tile keeps the need kDone.
 inline constexpr double kDoneLasts_s = 120;
@@ -60,6 +44,7 @@ struct StationTile {
   double insertion_m = 0, force_N = 0, peak_force_N = 0, force_limit_N = kUsualForceLimit_N;
   double lesson_s = 0;  ///< since the session's start if known, otherwise since its first status line
   std::uint32_t fault = 0;
+  bool hand_raised = false;
   /// Most urgent first, then those of earlier lessons; without those that are over and acknowledged.
   std::vector<TileAlarm> alarms;
   std::string trouble;
@@ -67,6 +52,7 @@ struct StationTile {
   std::uint64_t missed_ticks = 0, samples = 0, spool_left = 0;
   std::uint32_t wakeup_p99_us = 0;
   Need need = Need::kOffline;
+  bool calls = false;          ///< it needs help, and the call was neither seen nor put off
   std::string why;             ///< reason for the need, for people: "force 9.1 N, allowed 6 N"
   std::deque<float> forces_N;  ///< from the last status lines, oldest first, for a sparkline
 };
@@ -80,13 +66,12 @@ std::string lessonWords(const StationTile& tile, const std::string& exercise);
 std::string depthWords(const StationTile& tile);
 /// "2.3 N, peak 3.1 N"
 std::string forceWords(const StationTile& tile);
-/// Short state of loop and connection: "loop: 99 % within 12 µs, 3 ticks missed, 2 chunks wait". Omits values
-/// that the station does not send.
+/// For a technician: "loop: 99 % within 12 µs, 3 ticks missed, 2 chunks wait". Omits values that the station
+/// does not send.
 std::string healthWords(const StationTile& tile);
 
-enum class TileOrder : std::uint8_t { kNeed, kName, kTrainee, kPeakForce };
 struct TileFilter {
-  bool only_help = false, only_online = false;
+  bool only_online = false;
   std::string text = {};  ///< part of station, trainee or exercise; ignores case
 };
 
@@ -94,13 +79,17 @@ struct TileFilter {
 class LabOverview {
  public:
   static constexpr std::size_t kForcesKept = 100;
+  static constexpr double kSnooze_s = 300;
 
   /// Takes the server's list of stations with their statuses. Removes stations that are not in it.
   void setStations(const pb::Stations& stations, double now_s);
   /// Takes a status line. `now_s`: the view's clock, ascending.
   void onStatus(const pb::StationStatus& status, double now_s);
-  /// Marks the station's alarms so far as seen by the instructor, also those of earlier lessons.
+  /// An instructor has seen the station's call, and its alarms so far, also those of earlier lessons.
   void acknowledge(const std::string& station);
+  /// Puts the station's call off for kSnooze_s.
+  void snooze(const std::string& station);
+  [[nodiscard]] const HelpCalls& calls() const { return calls_; }
   /// Returns the ended sessions whose verdict to request from the server now (GetSession). Each call counts
   /// as a request; an id comes again 2 s later.
   [[nodiscard]] std::vector<std::string> verdictsToRequest(double now_s);
@@ -112,9 +101,8 @@ class LabOverview {
   void connectionLost();
 
   [[nodiscard]] const StationTile* find(const std::string& station) const;
-  /// Returns the filtered tiles in order. kNeed: most urgent first, then by name. Equal tiles keep their
-  /// order, so nothing jumps under the pointer.
-  [[nodiscard]] std::vector<const StationTile*> tiles(TileOrder order, const TileFilter& filter = {}) const;
+  /// Returns the filtered tiles by station, "station-2" before "station-10". A tile keeps its place.
+  [[nodiscard]] std::vector<const StationTile*> tiles(const TileFilter& filter = {}) const;
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
   /// Returns the number of tiles for each need.
   [[nodiscard]] std::array<std::size_t, kNeedCount> counts() const;
@@ -133,8 +121,10 @@ class LabOverview {
     bool lost_in_lesson = false;
   };
   static void beginLesson(Entry& entry, double now_s);
-  void judge(Entry& entry, double now_s) const;
-  std::map<std::string, Entry> entries_;
+  void judge(Entry& entry, double now_s);
+  std::map<std::string, Entry, BeforeNaturally> entries_;
+  HelpCalls calls_;
+  double now_s_ = 0;
 };
 
 }  // namespace needlelab

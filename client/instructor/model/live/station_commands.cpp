@@ -2,44 +2,68 @@
 
 #include <utility>
 
-#include "client/view/model/scene_view.h"
+#include <fmt/core.h>
+
 #include "common/base/text/text.h"
 
 namespace needlelab {
 
-bool StationCommands::ask(const pb::Request& request, std::string done_words, std::function<void()> done) {
+bool StationCommands::askEach(const std::vector<Addressee>& to, const Fill& fill, std::string done_words,
+                              std::function<void()> done) {
+  if (to.empty()) return false;
   if (connection_.state().phase != LinkPhase::kOnline) {
     notices_.trouble("not done: there is no connection to the server now");
     return false;
   }
-  ++*waiting_;
-  connection_.ask(
-      request,
-      [this, alive = std::weak_ptr(waiting_), done_words = std::move(done_words),
-       done = std::move(done)](Result<pb::Reply> reply) {
-        const auto waiting = alive.lock();
-        if (!waiting) return;
-        --*waiting;
-        if (!reply.ok()) {
-          notices_.trouble("not done: " + printable(reply.error().message));
-          return;
-        }
-        notices_.good(done_words);
-        if (done) done();
-      },
-      OnLoss::kGiveUp);
+  struct Answers {
+    std::size_t left = 0, read = 0;
+    std::string names, why;  // of those that did not take it
+  };
+  const auto answers = std::make_shared<Answers>();
+  answers->left = to.size();
+  *waiting_ += to.size();
+  for (const Addressee& each : to) {
+    pb::Request request;
+    fill(each, request);
+    connection_.ask(
+        request,
+        [this, alive = std::weak_ptr(waiting_), answers, station = each.station, all = to.size(), done_words,
+         done](Result<pb::Reply> reply) {
+          const auto waiting = alive.lock();
+          if (!waiting) return;
+          --*waiting;
+          if (reply.ok()) {
+            ++answers->read;
+          } else {
+            answers->names += (answers->names.empty() ? "" : ", ") + station;
+            answers->why = reply.error().message;
+          }
+          if (--answers->left > 0) return;
+          if (answers->read < all)
+            notices_.trouble("not done" + (all > 1 ? " at " + answers->names : "") + ": " +
+                             printable(answers->why));
+          if (answers->read == 0) return;
+          const std::string who = all == 1 ? station : fmt::format("{} stations", answers->read);
+          notices_.good(who.empty() ? done_words : who + ": " + done_words);
+          if (done) done();
+        },
+        OnLoss::kGiveUp);
+  }
   return true;
 }
 
-bool StationCommands::message(const std::string& station, const std::string& text) {
+bool StationCommands::message(const std::vector<Addressee>& to, const std::string& text) {
   if (const Status fine = checkNote("message", text, 1, kMaxNoteBytes); !fine.ok()) {
     notices_.trouble(fine.error().message);
     return false;
   }
-  pb::Request request;
-  request.mutable_trainee_message()->set_station(station);
-  request.mutable_trainee_message()->set_text(text);
-  return ask(request, "message delivered to " + station);
+  return askEach(
+      to,
+      [&](const Addressee& each, pb::Request& request) {
+        request.mutable_trainee_message()->set_station(each.station);
+        request.mutable_trainee_message()->set_text(text);
+      },
+      "message delivered");
 }
 
 bool StationCommands::annotate(const std::string& session_id, std::uint64_t tick, const std::string& text,
@@ -52,50 +76,62 @@ bool StationCommands::annotate(const std::string& session_id, std::uint64_t tick
     notices_.trouble(fine.error().message);
     return false;
   }
-  pb::Request request;
-  request.mutable_annotate()->set_session_id(session_id);
-  request.mutable_annotate()->set_tick(tick);
-  request.mutable_annotate()->set_text(text);
-  return ask(request, "remark kept with the session", std::move(done));
+  return askEach(
+      {{"", session_id}},
+      [&](const Addressee& each, pb::Request& request) {
+        request.mutable_annotate()->set_session_id(each.session_id);
+        request.mutable_annotate()->set_tick(tick);
+        request.mutable_annotate()->set_text(text);
+      },
+      "remark kept with the session", std::move(done));
 }
 
-void StationCommands::nextExercise(const std::string& station, const std::string& exercise_id,
+void StationCommands::nextExercise(const std::vector<Addressee>& to, const std::string& exercise_id,
                                    const std::string& exercise) {
-  pb::Request request;
-  request.mutable_next_exercise()->set_station(station);
-  request.mutable_next_exercise()->set_exercise_id(exercise_id);
-  ask(request, "next exercise of " + station + ": " + exercise);
+  askEach(
+      to,
+      [&](const Addressee& each, pb::Request& request) {
+        request.mutable_next_exercise()->set_station(each.station);
+        request.mutable_next_exercise()->set_exercise_id(exercise_id);
+      },
+      "next exercise: " + exercise);
 }
 
-void StationCommands::setAids(const std::string& station, const std::string& session_id,
-                              const AidList& aids) {
-  pb::Request request;
-  request.mutable_set_aids()->set_station(station);
-  request.mutable_set_aids()->set_session_id(session_id);
+void StationCommands::setAids(const std::vector<Addressee>& to, const AidList& aids) {
   std::string words;
-  for (const int number : aids) {
-    const auto aid = static_cast<pb::Exercise::Aid>(number);
-    request.mutable_set_aids()->add_aids(aid);
-    words += (words.empty() ? "" : ", ") + std::string(aidWord(aid));
-  }
-  ask(request, "shown at " + station + ": " + (words.empty() ? "nothing" : words));
+  for (const int number : aids)
+    words += (words.empty() ? "" : ", ") + std::string(aidWord(static_cast<pb::Exercise::Aid>(number)));
+  askEach(
+      to,
+      [&](const Addressee& each, pb::Request& request) {
+        auto& asked = *request.mutable_set_aids();
+        asked.set_station(each.station);
+        asked.set_session_id(each.session_id);
+        for (const int number : aids) asked.add_aids(static_cast<pb::Exercise::Aid>(number));
+      },
+      "shown now: " + (words.empty() ? "nothing" : words));
 }
 
-void StationCommands::resetAids(const std::string& station, const std::string& session_id) {
-  pb::Request request;
-  request.mutable_set_aids()->set_station(station);
-  request.mutable_set_aids()->set_session_id(session_id);
-  request.mutable_set_aids()->set_reset(true);
-  ask(request, "shown at " + station + ": as the exercise sets it");
+void StationCommands::resetAids(const std::vector<Addressee>& to) {
+  askEach(
+      to,
+      [&](const Addressee& each, pb::Request& request) {
+        request.mutable_set_aids()->set_station(each.station);
+        request.mutable_set_aids()->set_session_id(each.session_id);
+        request.mutable_set_aids()->set_reset(true);
+      },
+      "shown now: as the exercise sets it");
 }
 
-void StationCommands::stopLesson(const std::string& station, const std::string& session_id,
-                                 const std::string& reason) {
-  pb::Request request;
-  request.mutable_stop_lesson()->set_station(station);
-  request.mutable_stop_lesson()->set_session_id(session_id);
-  request.mutable_stop_lesson()->set_reason(reason);
-  ask(request, "the lesson at " + station + " is stopped");
+void StationCommands::stopLessons(const std::vector<Addressee>& lessons, const std::string& reason) {
+  askEach(
+      lessons,
+      [&](const Addressee& each, pb::Request& request) {
+        request.mutable_stop_lesson()->set_station(each.station);
+        request.mutable_stop_lesson()->set_session_id(each.session_id);
+        request.mutable_stop_lesson()->set_reason(reason);
+      },
+      lessons.size() == 1 ? "the lesson is stopped" : "the lessons are stopped");
 }
 
 }  // namespace needlelab

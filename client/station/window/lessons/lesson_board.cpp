@@ -22,24 +22,17 @@ bool LessonBoard::look(BoardState& state, std::uint64_t& seen) const {
   return true;
 }
 
-std::uint64_t LessonBoard::takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples,
-                                       Bytes* cut_memory, Bytes* paths) {
-  std::deque<Waiting> pieces;
+std::uint64_t LessonBoard::takePieces(std::uint64_t lesson, std::vector<Taken>& pieces) {
+  std::deque<Waiting> all;
   std::uint64_t dropped = 0;
   {
     const std::scoped_lock lock(mutex_);
-    pieces.swap(pieces_);
+    all.swap(pieces_);
     dropped = std::exchange(dropped_since_, 0);
   }
-  // copies without the lock, so that the spool's writer never waits
-  if (cut_memory != nullptr) cut_memory->clear();
-  if (paths != nullptr) paths->clear();
-  for (Waiting& waiting : pieces) {
-    if (waiting.lesson != lesson) continue;
-    samples.insert(samples.end(), waiting.samples->begin(), waiting.samples->end());
-    if (cut_memory != nullptr && !waiting.cut_memory.empty()) *cut_memory = std::move(waiting.cut_memory);
-    if (paths != nullptr) paths->insert(paths->end(), waiting.paths.begin(), waiting.paths.end());
-  }
+  pieces.clear();
+  for (Waiting& waiting : all)
+    if (waiting.lesson == lesson) pieces.push_back(std::move(waiting.piece));
   return dropped;
 }
 
@@ -148,11 +141,11 @@ void LessonBoard::piece(const SamplePiece& piece) {
   if (!piece.samples) return;
   const std::scoped_lock lock(mutex_);
   if (pieces_.size() >= max_pieces_) {
-    dropped_since_ += pieces_.front().samples->size();
+    dropped_since_ += pieces_.front().piece.samples->size();
     pieces_.pop_front();
     ++dropped_;
   }
-  pieces_.push_back({piece.samples, state_.lesson, piece.cut_memory, piece.paths});
+  pieces_.push_back({{piece.samples, piece.cut_memory, piece.paths}, state_.lesson});
 }
 
 }  // namespace needlelab

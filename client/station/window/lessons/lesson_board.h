@@ -129,11 +129,14 @@ class LessonBoard final : public LessonObserver {
   // --- the window's thread
   /// Copies the state if it is newer than `seen`, and updates `seen`.
   bool look(BoardState& state, std::uint64_t& seen) const;
-  /// Moves the new samples of `lesson` to the end of `samples`, oldest first. Returns the number of samples
-  /// dropped before them since the last call. Sets `cut_memory`, unless null, to the newest memory that came
-  /// with them, and `paths`, unless null, to the list of all paths; empty without one.
-  std::uint64_t takeSamples(std::uint64_t lesson, std::vector<GestureSample>& samples,
-                            Bytes* cut_memory = nullptr, Bytes* paths = nullptr);
+  /// A piece of a lesson as its station recorded it.
+  struct Taken {
+    std::shared_ptr<const std::vector<GestureSample>> samples;
+    Bytes cut_memory, paths;  ///< as in SamplePiece
+  };
+  /// Moves the new pieces of `lesson` to `pieces`, oldest first. Returns the number of samples dropped before
+  /// them since the last call.
+  std::uint64_t takePieces(std::uint64_t lesson, std::vector<Taken>& pieces);
   /// Replaces the waiting request, except kQuit; kTrainee replaces only another kTrainee.
   void ask(BoardRequest request);
 
@@ -163,9 +166,8 @@ class LessonBoard final : public LessonObserver {
 
  private:
   struct Waiting {
-    std::shared_ptr<const std::vector<GestureSample>> samples;
+    Taken piece;
     std::uint64_t lesson = 0;
-    Bytes cut_memory, paths;
   };
   const std::size_t max_pieces_;
   TimeSource& time_;

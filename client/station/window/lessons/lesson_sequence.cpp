@@ -82,6 +82,7 @@ int LessonSequence::run() {
   while (!quit_) {
     if (signalWithin(signals_, 0ms) != 0) break;
     updateServer();
+    if (Uplink* const uplink = home_.uplink()) uplink->noteHand(requests().handRaised());
     if (last_) showOutcome();
     if (!kept_code_of_.empty() && time_.nowNs() >= keep_code_until_ns_) forgetCode();
     BoardRequest request = board_.waitForRequest(kLook);

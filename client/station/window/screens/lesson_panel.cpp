@@ -45,17 +45,6 @@ void drawText(ImDrawList* draw, ImVec2 at, Rgb colour, const std::string& text) 
 
 }  // namespace
 
-double ladderDepth_m(const SceneView& scene, double insertion_m) {
-  const NeedleLine line = lineToTarget(scene);
-  const TissuesOnLine way = tissuesOnLine(scene, line, lineReach_m(scene, line.entry_W_m, line.u_W));
-  double deepest = 0;
-  for (const TissuesOnLine::Aim& aim : way.targets)
-    if (!aim.name.empty()) deepest = std::max(deepest, aim.bottom_m);
-  if (deepest > 0) return std::max(1.2 * deepest, 1.1 * insertion_m);
-  const double layers = scene.body || scene.layers.empty() ? 0.05 : scene.layers.back().bottom_m;
-  return std::max(1e-3, std::min(layers, scene.needle.length_m > 0 ? scene.needle.length_m : layers));
-}
-
 std::optional<double> ladderMark_m(const Moment& now) {
   if (isCapped(now)) return std::nullopt;
   return now.inside ? now.insertion_m : now.depth_m;

@@ -40,6 +40,7 @@ constexpr KeyRow kSteeringKeys[] = {{"W S, wheel", "in, out"},           {"arrow
 constexpr KeyRow kLessonKeys[] = {{"H", "show me"},
                                   {"1 2 3 4", "views"},
                                   {"Ctrl + −", "letter size"},
+                                  {"F2", "ask an instructor for help"},
                                   {"I", "this window"},
                                   {"Esc", "end"}};
 

@@ -102,9 +102,6 @@ void lessonMessages(const BoardState& state, ImVec2 corner_px, ImVec2 size_px);
 
 // --- the side panel: figures, the ladder of layers, plots; each appears only with its aid
 
-/// Returns the ladder's depth in m: a fifth beyond the deepest target; without targets, the end of the layers
-/// or the needle's length, whichever is less.
-double ladderDepth_m(const SceneView& scene, double insertion_m = 0);
 /// Where the tip stands on the ladder: along the needle, and above the skin negative. None with the cap on:
 /// what it presses in is skin.
 std::optional<double> ladderMark_m(const Moment& now);

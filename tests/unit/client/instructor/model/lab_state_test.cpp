@@ -33,33 +33,24 @@ TEST(LabActions, stoppingALessonNeedsConfirmationByKey) {
   EXPECT_EQ(actionOf(question, ActionKey::kDelete), kActStopNow);
 }
 
-/// A station with a lesson in this session.
-LiveStation withLesson(const std::string& station, const std::string& session) {
-  LiveStation live(station);
-  LiveArrival arrival;
-  arrival.frame.set_station(station);
-  arrival.frame.set_session_id(session);
-  live.feed(arrival);
-  return live;
-}
-
-TEST(StopQuestion, isAboutOneLessonAndEndsWithIt) {
-  const LiveStation asked = withLesson("bench-1", "s1"), next_lesson = withLesson("bench-1", "s2"),
-                    other_station = withLesson("bench-2", "s1");
+TEST(StopQuestion, isAboutJustTheseLessonsAndEndsWithThem) {
+  const std::vector<Addressee> asked = {{"bench-1", "s1"}, {"bench-2", "s2"}};
+  const std::vector<Addressee> others[] = {{{"bench-1", "s3"}, {"bench-2", "s2"}},
+                                           {{"bench-1", "s1"}},
+                                           {{"bench-1", "s1"}, {"bench-2", "s2"}, {"bench-3", "s4"}},
+                                           {}};
   StopQuestion question;
   EXPECT_FALSE(question.asking());
-  question.keepOnlyFor(nullptr);
-  const LiveStation* const others[] = {&next_lesson, &other_station, nullptr};
-  for (const LiveStation* const other : others) {
+  for (const std::vector<Addressee>& other : others) {
     question.ask(asked);
     question.reason = "too deep";
-    question.keepOnlyFor(&asked);
+    question.keepOnlyFor(asked);
     ASSERT_TRUE(question.asking()) << "nothing has changed";
     EXPECT_EQ(question.reason, "too deep");
     question.keepOnlyFor(other);
     EXPECT_FALSE(question.asking()) << "the answer would stop somebody else";
     EXPECT_EQ(question.reason, "") << "a reason is not somebody else's";
-    question.keepOnlyFor(&asked);
+    question.keepOnlyFor(asked);
     EXPECT_FALSE(question.asking()) << "it does not come back by itself";
   }
 }
@@ -67,14 +58,34 @@ TEST(StopQuestion, isAboutOneLessonAndEndsWithIt) {
 TEST(LabState, aStopQuestionIsDroppedOnStationChangeOrLogOut) {
   LabState lab;
   lab.open("bench-1");
-  lab.stop_question.ask(*lab.live());
+  lab.stop_question.ask({{"bench-1", "s1"}});
   lab.open("bench-1");
   EXPECT_TRUE(lab.stop_question.asking()) << "the same station";
   lab.open("bench-2");
   EXPECT_FALSE(lab.stop_question.asking());
-  lab.stop_question.ask(*lab.live());
+  lab.stop_question.ask({{"bench-2", "s1"}});
   lab.logOut();
   EXPECT_FALSE(lab.stop_question.asking()) << "Esc would be the answer to a question that no one sees";
+}
+
+TEST(LabState, aCommandReachesTheChosenStationsThatAreThere) {
+  LabState lab;
+  lab.screen = WindowScreen::kLab;
+  for (const char* station : {"bench-10", "bench-2", "bench-3"}) {
+    pb::StationStatus status;
+    status.set_station(station);
+    status.set_online(true);
+    if (station != std::string("bench-2")) status.set_session_id(std::string("lesson at ") + station);
+    lab.overview.onStatus(status, 0);
+  }
+  EXPECT_TRUE(lab.commanded().empty());
+  lab.chosen = {"bench-10", "bench-2", "gone"};
+  const std::vector<Addressee> both = {{"bench-2", ""}, {"bench-10", "lesson at bench-10"}};
+  EXPECT_EQ(lab.commanded(), both);
+  EXPECT_EQ(lessonsOf(lab.commanded()), std::vector<Addressee>{both[1]})
+      << "there is nothing to stop at bench-2";
+  EXPECT_FALSE(stopActions(false, 0)[0].enabled);
+  EXPECT_EQ(stopActions(false, 2)[0].label, "Stop 2 lessons …");
 }
 
 TEST(LabActions, theBannerOfTheConnectionTakesNoKeyFromTheScreen) {

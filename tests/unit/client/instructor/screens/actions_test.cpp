@@ -100,25 +100,20 @@ TEST_F(Actions, enterLogsInAndTheFormReportsAWrongPassword) {
 
 // --- the lab
 
-TEST_F(Actions, tilesAreButtonsAndFiltersAreBoxesListAndField) {
+TEST_F(Actions, tilesAreButtonsAndFiltersAreBoxAndField) {
   (void)server_.addStation("bench-1");
   (void)server_.addStation("bench-2");
   logIn();
   ASSERT_TRUE(until([&] { return lab_->overview.size() == 2; }));
   frames(2);
-  ASSERT_TRUE(click("only those that need help"));
-  EXPECT_TRUE(lab_->filter.only_help);
+  ASSERT_TRUE(click("only online"));
   EXPECT_TRUE(stands("No station matches")) << "both are offline";
   press(GLFW_KEY_ENTER);
-  EXPECT_FALSE(lab_->filter.only_help) << "Enter shows all";
+  EXPECT_FALSE(lab_->filter.only_online) << "Enter shows all";
   ASSERT_TRUE(click("only online"));
   EXPECT_TRUE(lab_->filter.only_online);
   ASSERT_TRUE(click("Show all"));
   EXPECT_FALSE(lab_->filter.only_online);
-  ASSERT_TRUE(click("##order"));
-  ASSERT_TRUE(click("by trainee"));
-  EXPECT_EQ(lab_->order, TileOrder::kTrainee);
-  EXPECT_TRUE(stands("by trainee"));
   ASSERT_TRUE(click("##find"));
   type("h-2");
   EXPECT_EQ(lab_->filter.text, "h-2");
@@ -252,7 +247,7 @@ TEST_F(LiveActions, theTraineeReceivesTypedClickedAndChosenMessages) {
   EXPECT_FALSE(lab_->live()->paused());
   press(GLFW_KEY_ENTER);
   ASSERT_TRUE(heard("anna: hm\n")) << bench.heard();
-  EXPECT_TRUE(untilText("message delivered to bench-1"));
+  EXPECT_TRUE(untilText("bench-1: message delivered"));
   EXPECT_TRUE(stands("message to the trainee")) << "the field is empty again: " << window_->text();
 
   const AidList before = lab_->aidsNow();
@@ -291,7 +286,7 @@ TEST_F(LiveActions, theTraineeReceivesTypedClickedAndChosenMessages) {
   press(GLFW_KEY_DELETE);
   EXPECT_TRUE(heard("stop wrong side\n")) << bench.heard();
   EXPECT_FALSE(lab_->stop_question.asking());
-  EXPECT_TRUE(untilText("the lesson at bench-1 is stopped"));
+  EXPECT_TRUE(untilText("bench-1: the lesson is stopped"));
 }
 
 }  // namespace

@@ -62,16 +62,12 @@ TEST_F(ScriptRunnerTest, aFilterReplacesTheOneBeforeAndShowsTheLab) {
     const char* word;
     TileFilter filter;
   };
-  const Row rows[] = {{"help", {.only_help = true}},
-                      {"bench-2", {.text = "bench-2"}},
-                      {"online", {.only_online = true}},
-                      {"all", {}}};
+  const Row rows[] = {{"bench-2", {.text = "bench-2"}}, {"online", {.only_online = true}}, {"all", {}}};
   for (const Row& row : rows) {
     lab_->screen = WindowScreen::kSessions;
     ASSERT_TRUE(script("filter " + std::string(row.word)).ok()) << row.word;
     EXPECT_EQ(lab_->screen, WindowScreen::kLab) << row.word;
     EXPECT_EQ(lab_->filter.text, row.filter.text) << row.word;
-    EXPECT_EQ(lab_->filter.only_help, row.filter.only_help) << row.word;
     EXPECT_EQ(lab_->filter.only_online, row.filter.only_online) << row.word;
   }
 }

@@ -24,6 +24,15 @@ TEST(Text, utf8IsDistinguishedFromOtherBytes) {
   for (const std::string& text : bad) EXPECT_FALSE(isUtf8(text));
 }
 
+TEST(NaturalOrder, takesDigitsAsNumbersAndLettersOfEitherCaseAlike) {
+  const std::vector<std::string> sorted = {
+      "",          "bench",      "Room 2 b",    "room 2 c",    "room 10", "station-1",
+      "station-2", "Station-10", "station-010", "station-10a", "zoë"};
+  for (std::size_t i = 0; i < sorted.size(); ++i)
+    for (std::size_t k = 0; k < sorted.size(); ++k)
+      EXPECT_EQ(beforeNaturally(sorted[i], sorted[k]), i < k) << sorted[i] << " and " << sorted[k];
+}
+
 TEST(AsciiLetters, changeTheirCaseAndNoOtherByteDoes) {
   EXPECT_EQ(lowerCase("CARTILAGE_2 Äß@[`{"), "cartilage_2 Äß@[`{");
   EXPECT_EQ(lowerCase(""), "");

@@ -97,6 +97,7 @@ TEST(LabOverview, whatAStationNeeds) {
        }},
       {"an alarm that this program does not know", Need::kPractising,
        [&](auto& lab) { report(lab, 0, [](auto& s) { addAlarm(s, "flood", 1, true, "water"); }); }},
+      {"a hand", Need::kHand, [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_hand_raised(true); }); }},
       {"the device rests", Need::kTrouble,
        [&](auto& lab) { report(lab, 0, [](auto& s) { s.set_trouble("disk nearly full"); }); }},
       {"a fault goes before an alarm", Need::kFault,
@@ -235,23 +236,81 @@ TEST(LabOverview, aTileOmitsUnknownFiguresAndGivesUnits) {
   EXPECT_THAT(depthWords(tile), testing::EndsWith(", 12.3 mm, tip in layer 2"));
 }
 
-TEST(LabOverview, urgentOnesComeFirstAndEqualsStayInTheOrderOfNames) {
+TEST(LabOverview, aTileKeepsItsPlaceWhateverItsNeed) {
   LabOverview lab;
-  for (const char* name : {"c", "a", "d", "b"}) lab.onStatus(practising(name), 0);
-  auto bad = practising("d");
+  for (const char* name : {"station-10", "station-2", "Station-1", "bench"})
+    lab.onStatus(practising(name), 0);
+  const std::vector<std::string> places = {"bench", "Station-1", "station-2", "station-10"};
+  EXPECT_EQ(names(lab.tiles()), places);
+  auto bad = practising("station-10");
   bad.set_fault(4);
   lab.onStatus(bad, 1);
-  EXPECT_EQ(names(lab.tiles(TileOrder::kNeed)), (std::vector<std::string>{"d", "a", "b", "c"}));
-  lab.onStatus(practising("d"), 2);
-  EXPECT_EQ(names(lab.tiles(TileOrder::kNeed)), (std::vector<std::string>{"a", "b", "c", "d"}));
-  EXPECT_EQ(names(lab.tiles(TileOrder::kName)), (std::vector<std::string>{"a", "b", "c", "d"}));
-  auto strong = practising("c");
+  auto strong = practising("station-2");
   strong.set_force_n(5);
   lab.onStatus(strong, 3);
-  EXPECT_EQ(lab.tiles(TileOrder::kPeakForce).front()->station, "c");
+  EXPECT_EQ(names(lab.tiles()), places);
 }
 
-TEST(LabOverview, filtersByHelpByTextAndByWhoIsThere) {
+std::vector<std::string> calling(const LabOverview& lab, double now_s) {
+  std::vector<std::string> words;
+  for (const HelpCall* call : lab.calls().open(now_s))
+    words.push_back(call->station + ": " + call->words + (lab.find(call->station)->calls ? "" : " (quiet)"));
+  return words;
+}
+
+TEST(LabOverview, theMostUrgentCallsFirstThenWhoWaitsLongest) {
+  using testing::ElementsAre;
+  LabOverview lab;
+  auto raised = practising("one"), again = practising("two"), bad = practising("three");
+  raised.set_hand_raised(true);
+  again.set_hand_raised(true);
+  bad.set_fault(4);
+  lab.onStatus(again, 1);
+  lab.onStatus(raised, 2);
+  lab.onStatus(bad, 3);
+  const std::string fault = "three: " + lab.find("three")->why;
+  EXPECT_THAT(calling(lab, 3), ElementsAre(fault, "two: asks for help", "one: asks for help"));
+  lab.acknowledge("two");
+  lab.onStatus(again, 4);
+  EXPECT_THAT(calling(lab, 4), ElementsAre(fault, "one: asks for help", "two: asks for help (quiet)"));
+  again.set_hand_raised(false);
+  lab.onStatus(again, 5);
+  EXPECT_THAT(calling(lab, 5), ElementsAre(fault, "one: asks for help"));
+  ASSERT_EQ(lab.calls().over().size(), 1U);
+  EXPECT_EQ(lab.calls().over()[0].station, "two");
+  EXPECT_EQ(lab.calls().over()[0].since_s, 1);
+  EXPECT_EQ(lab.calls().over()[0].over_s, 5);
+  again.set_hand_raised(true);
+  lab.onStatus(again, 6);
+  EXPECT_TRUE(lab.find("two")->calls) << "a hand raised again is another call";
+}
+
+TEST(LabOverview, aCallThatWasPutOffComesBack) {
+  LabOverview lab;
+  auto raised = practising("one");
+  raised.set_hand_raised(true);
+  lab.onStatus(raised, 10);
+  EXPECT_TRUE(lab.find("one")->calls);
+  lab.snooze("one");
+  lab.tick(10 + LabOverview::kSnooze_s - 1);
+  EXPECT_FALSE(lab.find("one")->calls);
+  lab.tick(10 + LabOverview::kSnooze_s);
+  EXPECT_TRUE(lab.find("one")->calls);
+}
+
+TEST(LabOverview, missedTicksCallWhereTheySpoilALesson) {
+  for (const auto& [missed, need] :
+       {std::pair(std::uint64_t{99}, Need::kPractising), {101, Need::kTrouble}}) {
+    LabOverview lab;
+    auto status = practising("one");
+    status.set_samples(10'000);
+    status.set_missed_ticks(missed);
+    lab.onStatus(status, 0);
+    EXPECT_EQ(nameOf(lab.find("one")->need), nameOf(need)) << missed;
+  }
+}
+
+TEST(LabOverview, filtersByTextAndByWhoIsThere) {
   LabOverview lab;
   lab.onStatus(practising("bench-1"), 0);
   auto bad = practising("bench-2");
@@ -262,11 +321,10 @@ TEST(LabOverview, filtersByHelpByTextAndByWhoIsThere) {
   away.clear_session_id();
   away.set_online(false);
   lab.onStatus(away, 0);
-  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.only_help = true})), std::vector<std::string>{"bench-2"});
-  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.only_online = true})).size(), 2u);
-  EXPECT_EQ(names(lab.tiles(TileOrder::kName, {.text = "TOM"})), std::vector<std::string>{"bench-2"});
-  EXPECT_EQ(lab.tiles(TileOrder::kName, {.text = "KNEE-rec"}).size(), 2u);
-  EXPECT_TRUE(lab.tiles(TileOrder::kName, {.text = "nobody"}).empty());
+  EXPECT_EQ(names(lab.tiles({.only_online = true})).size(), 2u);
+  EXPECT_EQ(names(lab.tiles({.text = "TOM"})), std::vector<std::string>{"bench-2"});
+  EXPECT_EQ(lab.tiles({.text = "KNEE-rec"}).size(), 2u);
+  EXPECT_TRUE(lab.tiles({.text = "nobody"}).empty());
 }
 
 TEST(LabOverview, thePeakIsThatOfTheLesson) {
@@ -296,7 +354,7 @@ TEST(LabOverview, stationsThatTheServerNoLongerKnowsGoAndOthersComeOffline) {
   revoked.set_name("stolen");
   revoked.set_revoked(true);
   lab.setStations(stations, 1);
-  EXPECT_EQ(names(lab.tiles(TileOrder::kName)), std::vector<std::string>{"new"});
+  EXPECT_EQ(names(lab.tiles()), std::vector<std::string>{"new"});
   EXPECT_EQ(lab.find("new")->need, Need::kOffline);
 }
 
@@ -376,7 +434,7 @@ TEST(LabOverview, aTileNamesTheServerThatHasTheStation) {
   EXPECT_EQ(lab.find("one")->server, "b?");
 }
 
-TEST(LabOverview, fiftyStationsAreSortedByNeedAndCountedOnce) {
+TEST(LabOverview, fiftyStationsStandByTheirNumbersAndAreCountedOnce) {
   LabOverview lab;
   std::array<std::size_t, kNeedCount> expected{};
   for (int i = 0; i < 50; ++i) {
@@ -393,29 +451,12 @@ TEST(LabOverview, fiftyStationsAreSortedByNeedAndCountedOnce) {
     ++expected[static_cast<std::size_t>(need)];
   }
   EXPECT_EQ(lab.counts(), expected);
-  for (const TileOrder order :
-       {TileOrder::kNeed, TileOrder::kName, TileOrder::kTrainee, TileOrder::kPeakForce}) {
-    const auto tiles = lab.tiles(order);
-    ASSERT_EQ(tiles.size(), 50u);
-    const auto key = [&](const StationTile& tile) {
-      switch (order) {
-        case TileOrder::kNeed:
-          return std::tuple(static_cast<double>(tile.need), std::string(), tile.station);
-        case TileOrder::kTrainee:
-          return std::tuple(0.0, tile.trainee, tile.station);
-        case TileOrder::kPeakForce:
-          return std::tuple(-tile.peak_force_N, std::string(), tile.station);
-        case TileOrder::kName:
-          break;
-      }
-      return std::tuple(0.0, std::string(), tile.station);
-    };
-    for (std::size_t i = 1; i < tiles.size(); ++i)
-      EXPECT_LT(key(*tiles[i - 1]), key(*tiles[i])) << static_cast<int>(order) << ", tile " << i;
-  }
+  const auto tiles = lab.tiles();
+  ASSERT_EQ(tiles.size(), 50u);
+  for (std::size_t i = 0; i < tiles.size(); ++i) EXPECT_EQ(tiles[i]->station, "bench-" + std::to_string(i));
   // all are lost with the connection, and no station that is not calm is called calm
   lab.connectionLost();
-  for (const StationTile* tile : lab.tiles(TileOrder::kName)) EXPECT_TRUE(tile->stale) << tile->station;
+  for (const StationTile* tile : lab.tiles()) EXPECT_TRUE(tile->stale) << tile->station;
   EXPECT_EQ(lab.counts(), expected);
 }
 

@@ -7,9 +7,12 @@
 
 #include "client/station/window/lessons/lesson_board.h"
 #include "tests/support/time/fake_time.h"
+#include "tests/unit/client/station/window/lessons/taken_samples.h"
 
 namespace needlelab {
 namespace {
+
+using test::takeSamples;
 
 using namespace std::chrono_literals;
 
@@ -48,10 +51,10 @@ TEST(LessonBoard, samplesComeInOrderAndOnce) {
   board.piece(pieceFrom(0));
   board.piece(pieceFrom(20));
   std::vector<GestureSample> samples;
-  EXPECT_EQ(board.takeSamples(1, samples), 0u);
+  EXPECT_EQ(takeSamples(board, 1, samples), 0u);
   ASSERT_EQ(samples.size(), 40u);
   for (std::uint64_t i = 0; i < 40; ++i) EXPECT_EQ(samples[i].tick, i);
-  EXPECT_EQ(board.takeSamples(1, samples), 0u);
+  EXPECT_EQ(takeSamples(board, 1, samples), 0u);
   EXPECT_EQ(samples.size(), 40u);
 }
 
@@ -60,15 +63,15 @@ TEST(LessonBoard, aStalledWindowLosesTheOldestSamplesAndLearnsHowMany) {
   board.began(someLesson());
   for (std::uint64_t i = 0; i < 25; ++i) board.piece(pieceFrom(20 * i));
   std::vector<GestureSample> samples;
-  EXPECT_EQ(board.takeSamples(1, samples), 15u * 20u);
+  EXPECT_EQ(takeSamples(board, 1, samples), 15u * 20u);
   ASSERT_EQ(samples.size(), 200u);
   EXPECT_EQ(samples.front().tick, 300u);
   EXPECT_EQ(board.droppedBatches(), 15u);
   samples.clear();
-  EXPECT_EQ(board.takeSamples(1, samples), 0u) << "said once";
+  EXPECT_EQ(takeSamples(board, 1, samples), 0u) << "said once";
 }
 
-TEST(LessonBoard, givesTheNewestMemoryOfTheCutWithTheSamples) {
+TEST(LessonBoard, givesThePieceWithTheMemoryOfTheCutThatCameWithIt) {
   LessonBoard board(10);
   board.began(someLesson());
   for (std::uint8_t i = 0; i < 25; ++i) {
@@ -76,15 +79,13 @@ TEST(LessonBoard, givesTheNewestMemoryOfTheCutWithTheSamples) {
     if (i % 8 == 1) piece.cut_memory = {i};
     board.piece(piece);
   }
-  std::vector<GestureSample> samples;
-  Bytes memory = {0};
-  board.takeSamples(1, samples, &memory);
-  EXPECT_EQ(memory, Bytes{17});
-  board.takeSamples(1, samples, &memory);
-  EXPECT_TRUE(memory.empty());
+  std::vector<LessonBoard::Taken> pieces;
+  board.takePieces(1, pieces);
+  ASSERT_EQ(pieces.size(), 10U);
+  for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(pieces[i].cut_memory, i == 2 ? Bytes{17} : Bytes{}) << i;
 }
 
-TEST(LessonBoard, givesEveryPathOfTheSamples) {
+TEST(LessonBoard, givesEachPieceItsOwnPaths) {
   LessonBoard board(10);
   board.began(someLesson());
   for (std::uint8_t i = 0; i < 25; ++i) {
@@ -92,12 +93,13 @@ TEST(LessonBoard, givesEveryPathOfTheSamples) {
     if (i % 4 == 0) piece.paths = {i, 1};
     board.piece(piece);
   }
-  std::vector<GestureSample> samples;
-  Bytes paths = {0};
-  board.takeSamples(1, samples, nullptr, &paths);
-  EXPECT_EQ(paths, (Bytes{16, 1, 20, 1, 24, 1})) << "of the last ten pieces";
-  board.takeSamples(1, samples, nullptr, &paths);
-  EXPECT_TRUE(paths.empty());
+  std::vector<LessonBoard::Taken> pieces;
+  board.takePieces(1, pieces);
+  ASSERT_EQ(pieces.size(), 10U) << "the last ten";
+  for (std::uint8_t i = 0; i < 10; ++i)
+    EXPECT_EQ(pieces[i].paths, (i + 15) % 4 == 0 ? (Bytes{static_cast<std::uint8_t>(i + 15), 1}) : Bytes{});
+  board.takePieces(1, pieces);
+  EXPECT_TRUE(pieces.empty());
 }
 
 TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
@@ -107,7 +109,7 @@ TEST(LessonBoard, samplesOfTheLessonBeforeAreNotTakenForThisOne) {
   board.began(someLesson());
   board.piece(pieceFrom(500));
   std::vector<GestureSample> samples;
-  EXPECT_EQ(board.takeSamples(2, samples), 0u);
+  EXPECT_EQ(takeSamples(board, 2, samples), 0u);
   ASSERT_EQ(samples.size(), 20u);
   EXPECT_EQ(samples.front().tick, 500u);
 }
@@ -249,7 +251,7 @@ TEST(LessonBoard, manyThreadsAtOnce) {
   std::vector<GestureSample> samples;
   const auto take = [&] {
     samples.clear();
-    dropped += board.takeSamples(1, samples);
+    dropped += takeSamples(board, 1, samples);
     got += samples.size();
     board.look(state, seen);
     board.ask({BoardRequest::Kind::kLook, {}});

@@ -20,6 +20,7 @@
 #include "tests/support/temp_folder.h"
 #include "tests/support/time/fake_time.h"
 #include "tests/unit/client/net/uplink/fake_server.h"
+#include "tests/unit/client/station/window/lessons/taken_samples.h"
 
 namespace needlelab::test {
 namespace {
@@ -122,7 +123,7 @@ TEST_F(LessonSequenceTest, oneLessonAfterAnotherEachIsRecordedAndScored) {
     EXPECT_NE(state_.outcome->summary.session_id, first);
     first = state_.outcome->summary.session_id;
     std::vector<GestureSample> samples;
-    const std::uint64_t dropped = board_.takeSamples(lesson, samples);
+    const std::uint64_t dropped = takeSamples(board_, lesson, samples);
     EXPECT_EQ(samples.size() + dropped, state_.outcome->summary.servo.samples);
   }
   EXPECT_EQ(quit(), kExitDone);
@@ -269,7 +270,7 @@ TEST_F(LessonSequenceTest, aSteeredHandGoesWhereItIsWished) {
   beginning->steering->setTarget({{start.p + Vec3{0, -0.005, 0}, start.q}, 0.5});
   std::vector<GestureSample> samples;
   EXPECT_TRUE(eventually([&] {
-    board_.takeSamples(1, samples);
+    takeSamples(board_, 1, samples);
     return !samples.empty() && std::abs(samples.back().p_WT_m[1] - (start.p.y - 0.005)) < 2e-4 &&
            std::abs(samples.back().plunger - 0.5) < 0.01;
   }));
