@@ -6,7 +6,6 @@ import { useWidth } from './hooks.js';
 import { html, useMemo } from './html.js';
 
 const kWidth = 640,
-  kNamesFrom = 480, // pixels: in less room the names stand below the drawing
   kLetter_px = 6.6; // of a name, 12 px high
 
 /**
@@ -24,8 +23,9 @@ export function BodyDrawing({ section, profile, label, over, areas, entry, place
   const marked = areas.map((area) => ({ ...area, mark: markOf(profile, area.index) }));
   const longest = Math.max(0, ...areas.map((area) => area.name.length)),
     width = Math.max(320, room),
-    below = room < kNamesFrom,
-    names_px = below ? 0 : Math.min(width / 2, 26 + kLetter_px * (longest + 2)),
+    beside_px = 26 + kLetter_px * (longest + 2),
+    below = beside_px > width / 2, // the names
+    names_px = below ? 0 : beside_px,
     edge = width - names_px,
     point_px = edge / section.columns, // of the grid
     height = section.rows * point_px,
