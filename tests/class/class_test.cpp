@@ -120,13 +120,15 @@ TEST(ClassGesture, expertsPassEachBodyMoreOftenThanBeginners) {
   constexpr std::uint64_t kTries = 5;
   for (const ClassLesson& lesson : lessons) {
     EXPECT_EQ(lesson.profile_revision, 3u);
-    std::uint64_t experts = 0, beginners = 0;
+    std::uint64_t experts = 0, beginners = 0, first_years = 0;
     for (std::uint64_t seed = 1; seed <= kTries; ++seed) {
       experts += passes(lesson, 1, seed);
       beginners += passes(lesson, 0, seed);
+      first_years += passes(lesson, 0.25, seed);  // the middle of year 1 in deploy/class.sh
     }
     EXPECT_GE(experts, 3u) << lesson.exercise.id() << ": it can be passed by a sure hand";
     EXPECT_LT(beginners, experts) << lesson.exercise.id();
+    EXPECT_LT(first_years, experts) << lesson.exercise.id();
   }
 }
 

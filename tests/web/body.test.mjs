@@ -246,6 +246,20 @@ test('the cut of a body marks structures, shapes beside it, and the place of ins
   assert.match(textOf(drawing), /Not drawn, because a structure moves it: moved\./);
 });
 
+test('names that would be cut off beside a narrow drawing stand below it', () => {
+  const areas = areasOf(kSection).map((area) => ({ ...area, name: 'axillary and circumflex arteries' }));
+  const props = { section: kSection, profile: kBody, label: 'a cut', place: null, areas };
+  // 26 + 6.6 (32 + 2) px are more than half of 500
+  for (const [room, below] of [
+    [510, 0],
+    [500, areas.length],
+  ]) {
+    const items = elementsOf(BodyDrawing({ ...props, room })).filter((node) => node.type === 'li');
+    assert.equal(items.length, below, String(room));
+    for (const item of items) assert.match(textOf(item), /Axillary and circumflex arteries/);
+  }
+});
+
 const close = (a, b) => assert.ok(Math.abs(a - b) < 1e-6, `${a} is not ${b}`);
 // X_WL turns x to y, and y to −x, then moves by (1, 2, 3): W has (1 − y, 2 + x, 3 + z)
 const h = Math.SQRT1_2,

@@ -59,6 +59,9 @@ struct SceneWidgetOptions {
   bool mouse_moves_camera = true;
   bool labels = true;  ///< names of layers, target, hazards (if the aids allow)
   bool legend = true;  ///< of the planned line, and of the force arrows with numbers
+  /// In a body: structures (layers of the scene) that are named beside target and hazards, first of all;
+  /// null: all bones, tendons, nerves and vessels.
+  const std::vector<int>* met = nullptr;
 };
 /// Draws the scene into the current window, `size_px` large (0: the rest), with labels and legend over it.
 /// The mouse changes `frame.camera`.

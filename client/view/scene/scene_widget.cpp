@@ -6,6 +6,7 @@
 #include <imgui/imgui.h>
 
 #include "client/view/model/plot.h"
+#include "client/view/scene/label_places.h"
 #include "client/view/scene/scene_renderer.h"
 #include "client/view/theme.h"
 #include "common/haptics/surface.h"
@@ -28,9 +29,14 @@ ImVec2 sizeOfLabel(const std::string& text) {
   return ImGui::CalcTextSize(text.c_str());
 }
 
-void shadowedText(ImDrawList& list, ImVec2 at, ImU32 colour, const std::string& text) {
-  list.AddText({at.x + 1, at.y + 1}, packed(kBlack, 0.9F), text.c_str());
-  list.AddText(at, colour, text.c_str());
+ImVec2 wrappedSize(const std::string& text, float wrap_px) {
+  return ImGui::CalcTextSize(text.c_str(), nullptr, false, wrap_px);
+}
+
+void shadowedText(ImDrawList& list, ImVec2 at, ImU32 colour, const std::string& text, float wrap_px = 0) {
+  for (const auto& [shift_px, shade] : {std::pair{1.0F, packed(kBlack, 0.9F)}, std::pair{0.0F, colour}})
+    list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), {at.x + shift_px, at.y + shift_px}, shade,
+                 text.c_str(), nullptr, wrap_px);
 }
 
 // Both ends must be within the picture: a line far beyond it would need ten thousand dashes.
@@ -45,55 +51,50 @@ void dashedLine(ImDrawList& list, ImVec2 a, ImVec2 b, ImU32 colour, float width_
   }
 }
 
-constexpr float kNameShare = 0.4F;  // maximum width of a layer's name, as a fraction of the picture's
-
 struct SceneLabel {
   ImVec2 anchor_px;
   std::string text;
   Rgb colour;
-  float y_px = 0;  ///< middle of the text
+  float weight = 0;  ///< SideLabel
+  bool kept = false;
 };
 
-// Places labels one below the other without overlap, each as near to its anchor as possible.
-void spread(std::vector<SceneLabel>& labels, float from_px, float to_px, float height_px) {
-  std::sort(labels.begin(), labels.end(),
-            [](const SceneLabel& a, const SceneLabel& b) { return a.anchor_px.y < b.anchor_px.y; });
-  float free_px = from_px + height_px * 0.5F;
-  for (SceneLabel& label : labels) {
-    label.y_px = std::max(label.anchor_px.y, free_px);
-    free_px = label.y_px + height_px;
-  }
-  float limit_px = to_px - height_px * 0.5F;
-  for (auto label = labels.rbegin(); label != labels.rend(); ++label) {
-    label->y_px = std::min(label->y_px, limit_px);
-    limit_px = label->y_px - height_px;
-  }
-}
+// of the names in a body's cut, if there is no room for all
+constexpr float kOfHazard = 1, kOfMet = 2;
 
-void drawColumn(ImDrawList& list, std::vector<SceneLabel>& labels, float edge_px, bool at_left, float from_px,
-                float to_px) {
-  const float text_px = ImGui::GetFontSize();
-  spread(labels, from_px, to_px, text_px * 1.22F);
-  for (const SceneLabel& label : labels) {
-    const float width_px = sizeOfLabel(label.text).x;
-    const float chip_px = text_px * 0.62F;
-    const float left_px = at_left ? edge_px : edge_px - width_px - chip_px - 6;
-    const float end_px = at_left ? left_px + chip_px + 6 + width_px + 5 : left_px - 5;
+// Names at one side of the picture, wrapped, with lines to what they name.
+void drawColumn(ImDrawList& list, std::vector<SceneLabel> labels, float edge_px, bool at_left, float wide_px,
+                float from_px, float to_px) {
+  const float text_px = ImGui::GetFontSize(), chip_px = text_px * 0.62F;
+  const float wrap_px = wide_px - chip_px - 6;
+  std::stable_sort(labels.begin(), labels.end(),
+                   [](const SceneLabel& a, const SceneLabel& b) { return a.anchor_px.y < b.anchor_px.y; });
+  std::vector<SideLabel> sides;
+  for (const SceneLabel& label : labels)
+    sides.push_back(
+        {label.anchor_px.y, wrappedSize(label.text, wrap_px).y + text_px * 0.22F, label.weight, label.kept});
+  const std::vector<float> tops_px = placeLabels(sides, from_px, to_px);
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    if (tops_px[i] < 0) continue;
+    const SceneLabel& label = labels[i];
+    const ImVec2 size_px = wrappedSize(label.text, wrap_px);
+    const float y_px = tops_px[i] + 0.5F * sides[i].height_px, half_px = 0.5F * size_px.y;
+    const float left_px = at_left ? edge_px : edge_px - size_px.x - chip_px - 6;
+    const float end_px = at_left ? left_px + chip_px + 6 + size_px.x + 5 : left_px - 5;
     const float knee_px =
         at_left ? std::min(label.anchor_px.x, end_px + 14) : std::max(label.anchor_px.x, end_px - 14);
     const ImU32 line = packed(mixed(label.colour, kWhite, 0.35F), 0.75F);
-    list.AddLine({end_px, label.y_px}, {knee_px, label.y_px}, line, 1.3F);
-    list.AddLine({knee_px, label.y_px}, label.anchor_px, line, 1.3F);
+    list.AddLine({end_px, y_px}, {knee_px, y_px}, line, 1.3F);
+    list.AddLine({knee_px, y_px}, label.anchor_px, line, 1.3F);
     list.AddCircleFilled(label.anchor_px, 3.2F, packed(kBlack, 0.7F), 10);
     list.AddCircleFilled(label.anchor_px, 2.2F, packed(kWhite), 10);
-    list.AddRectFilled({left_px - 4, label.y_px - text_px * 0.58F},
-                       {left_px + chip_px + 6 + width_px + 4, label.y_px + text_px * 0.62F},
+    list.AddRectFilled({left_px - 4, y_px - half_px - text_px * 0.08F},
+                       {left_px + chip_px + 6 + size_px.x + 4, y_px + half_px + text_px * 0.12F},
                        packed(kBlack, 0.5F), 4);
-    list.AddRectFilled({left_px, label.y_px - chip_px * 0.5F},
-                       {left_px + chip_px, label.y_px + chip_px * 0.5F}, packed(label.colour), 2);
-    list.AddRect({left_px, label.y_px - chip_px * 0.5F}, {left_px + chip_px, label.y_px + chip_px * 0.5F},
-                 packed(kBlack, 0.6F), 2);
-    shadowedText(list, {left_px + chip_px + 6, label.y_px - text_px * 0.5F}, packed(kText), label.text);
+    const ImVec2 chip{left_px, y_px - chip_px * 0.5F}, chip_end{left_px + chip_px, y_px + chip_px * 0.5F};
+    list.AddRectFilled(chip, chip_end, packed(label.colour), 2);
+    list.AddRect(chip, chip_end, packed(kBlack, 0.6F), 2);
+    shadowedText(list, {left_px + chip_px + 6, y_px - half_px}, packed(kText), label.text, wrap_px);
   }
 }
 
@@ -197,20 +198,20 @@ void drawTrails(ImDrawList& list, const PictureFrame& picture, const SceneFrame&
 }
 
 // In a body, of bones, tendons, nerves, vessels and hazards: the layers beside the needle stand beside the
-// picture.
+// picture. `above_px`, `below_px`: what else is at the upper and the lower edge.
 void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRenderer& renderer,
-               const SceneFrame& frame, float free_below_px) {
+               const SceneFrame& frame, const std::vector<int>* met, float above_px, float below_px) {
   const SceneView& scene = *renderer.scene();
   WithFont font(Letters::kBody);
   const float margin_px = space() * 1.2F;
-  const float from_px = picture.corner_px.y + margin_px, bottom_px = picture.corner_px.y + picture.size_px.y;
   std::vector<SceneLabel> layers, anatomy;
   if (scene.body) {
     for (const BodySection::Name& name : renderer.cutNames()) {
       const LayerView& structure = scene.layers[name.structure];
       const StructureShape shape = structureKind(structure.kind).shape;
       const HazardView* const hazard = hazardAt(scene, name.place_W_m);
-      if (!hazard && shape == StructureShape::kSoft) continue;
+      const bool is_met = met != nullptr && std::ranges::count(*met, int{name.structure}) > 0;
+      if (!hazard && (met != nullptr ? !is_met : shape == StructureShape::kSoft)) continue;
       if (isTarget(scene, name.structure)) continue;  // its mark has the name
       const bool hidden =
           (hazard || shape == StructureShape::kLine) && !frame.aids.has(pb::Exercise::ANATOMY);
@@ -218,20 +219,22 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
       if (!at || !picture.holds(*at) || hidden) continue;
       // at the side that is nearer, so that leaders do not cross the picture
       (at->x > picture.corner_px.x + 0.5F * picture.size_px.x ? anatomy : layers)
-          .push_back({*at, fittedText(hazard ? hazard->name : structure.name, kNameShare * picture.size_px.x),
-                      hazard ? hazardColour(hazard->kind) : structure.colour, 0});
+          .push_back({*at, hazard ? hazard->name : structure.name,
+                      hazard ? hazardColour(hazard->kind) : structure.colour,
+                      is_met   ? kOfMet
+                      : hazard ? kOfHazard
+                               : 0});
     }
   } else if (frame.aids.has(pb::Exercise::TISSUES) && frame.cut_open) {
     for (const LayerView& layer : scene.layers) {
       const auto at = picture.at(layerAnchor(scene, layer, *picture.camera));
-      if (at && picture.holds(*at))
-        layers.push_back({*at, fittedText(layer.name, kNameShare * picture.size_px.x), layer.colour, 0});
+      if (at && picture.holds(*at)) layers.push_back({*at, layer.name, layer.colour});
     }
   }
   if (frame.aids.has(pb::Exercise::ANATOMY)) {
     for (const TargetView& target : scene.targets) {
       const auto at = picture.at(scene.body ? target.center_W_m : target.middle_W_m);
-      if (at && picture.holds(*at)) anatomy.push_back({*at, "◎ " + target.name, kTargetColour, 0});
+      if (at && picture.holds(*at)) anatomy.push_back({*at, "◎ " + target.name, kTargetColour, 0, true});
     }
     const bool cut = frame.cut_open && frame.aids.has(pb::Exercise::TISSUES);
     const PicturePlane plane = insertionPlaneOf(scene, *picture.camera);
@@ -239,15 +242,19 @@ void drawNames(ImDrawList& list, const PictureFrame& picture, const SceneRendere
       if (hazard.structure) continue;  // named where the cut shows it
       const auto at = picture.at(hazardAnchor(scene, hazard));
       if (at && picture.holds(*at))
-        anatomy.push_back(
-            {*at, hazardLabel(hazard, cut ? offPlane_m(hazard, plane) : 0), hazardColour(hazard.kind), 0});
+        anatomy.push_back({*at, hazardLabel(hazard, cut ? offPlane_m(hazard, plane) : 0),
+                           hazardColour(hazard.kind), kOfHazard});
     }
   }
-  const float words_px = scene.body ? 2 * ImGui::GetFontSize() : 0;  // drawDirections
-  drawColumn(list, layers, picture.corner_px.x + margin_px, true, from_px,
-             bottom_px - 3.5F * margin_px - words_px);
-  drawColumn(list, anatomy, picture.corner_px.x + picture.size_px.x - margin_px, false, from_px,
-             bottom_px - std::max(margin_px, free_below_px) - words_px);
+  // drawDirections has words at all edges
+  const float row_px = ImGui::GetFontSize(), words_px = scene.body ? 2 * row_px : 0;
+  const float from_px = picture.corner_px.y + margin_px + above_px + (scene.directions.empty() ? 0 : row_px);
+  const float to_px = picture.corner_px.y + picture.size_px.y - words_px;
+  const float wide_px = 0.5F * picture.size_px.x - margin_px - 10;
+  drawColumn(list, std::move(layers), picture.corner_px.x + margin_px, true, wide_px, from_px,
+             to_px - 3.5F * margin_px);
+  drawColumn(list, std::move(anatomy), picture.corner_px.x + picture.size_px.x - margin_px, false, wide_px,
+             from_px, to_px - std::max(scene.body ? 3.5F * margin_px : margin_px, below_px));
 }
 
 // Returns its height, from the picture's lower edge.
@@ -319,7 +326,7 @@ void drawScaleBar(ImDrawList& list, const PictureFrame& picture) {
 }
 
 /// Which way the patient lies: at each edge the profile's words for the direction that points there most.
-void drawDirections(ImDrawList& list, const PictureFrame& picture, const SceneView& scene,
+void drawDirections(ImDrawList& list, const PictureFrame& picture, const SceneView& scene, float above_px,
                     float free_below_px) {
   constexpr double kTowards = 0.71;  // of its length: so a direction has one edge
   WithFont font(Letters::kSmall);
@@ -336,7 +343,7 @@ void drawDirections(ImDrawList& list, const PictureFrame& picture, const SceneVi
   const std::array<Edge, 4> edges = {
       {{right_W, "▶ ", {from.x + size.x - pad_px, low_px - std::max(pad_px, free_below_px)}, 1},
        {-right_W, "◀ ", {from.x + pad_px, low_px - 3 * pad_px}, 0},
-       {up_W, "▲ ", {from.x + 0.5F * size.x, from.y + 0.5F * pad_px}, 0.5F},
+       {up_W, "▲ ", {from.x + 0.5F * size.x, from.y + 0.5F * pad_px + above_px}, 0.5F},
        {-up_W, "▼ ", {from.x + 0.5F * size.x, low_px - 1.6F * row_px - space()}, 0.5F}}};
   for (const Edge& edge : edges) {
     const DirectionView* best = nullptr;
@@ -367,6 +374,23 @@ bool moveCamera(OrbitCamera& camera, const SceneView& scene, ImVec2 size_px) {
     if (ImGui::IsMouseDoubleClicked(0)) camera = initialView(scene);
   }
   return !(camera == before);
+}
+
+// Returns its height, from the picture's upper edge.
+float drawDoubt(ImDrawList& list, const PictureFrame& picture, const SceneFrame& frame) {
+  if (!frame.show_needle || !frame.moment.approximate) return 0;
+  WithFont font(Letters::kSmall);
+  static const std::string kWords =
+      "≈ this view cannot follow until the needle is outside: entry and line may be off, forces by effect "
+      "are not shown";
+  const float wrap_px = picture.size_px.x - 2 * space();
+  const ImVec2 size_px = wrappedSize(kWords, wrap_px);
+  const ImVec2 at{picture.corner_px.x + (picture.size_px.x - size_px.x) * 0.5F,
+                  picture.corner_px.y + space() * 0.6F};
+  list.AddRectFilled({at.x - 6, at.y - 2}, {at.x + size_px.x + 6, at.y + size_px.y + 4}, packed(kBlack, 0.6F),
+                     4);
+  list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), at, packed(kOrange), kWords.c_str(), nullptr, wrap_px);
+  return size_px.y + space();
 }
 
 /// Switches between the cut and the skin as glass.
@@ -418,21 +442,11 @@ SceneWidgetResult sceneWidget(const char* id, SceneRenderer& renderer, SceneFram
   drawPlan(list, picture, frame);
   drawGuideLines(list, picture, *scene, frame);
   const float legend_px = options.legend ? drawLegend(list, picture, frame) : 0;
-  if (options.labels) drawNames(list, picture, renderer, frame, legend_px);
-  if (options.labels && scene->body) drawDirections(list, picture, *scene, legend_px);
+  const float doubt_px = drawDoubt(list, picture, frame);
+  if (options.labels) drawNames(list, picture, renderer, frame, options.met, doubt_px, legend_px);
+  if (options.labels && scene->body) drawDirections(list, picture, *scene, doubt_px, legend_px);
   if (options.labels) drawScaleBar(list, picture);
   if (switches) cutSwitch(id, picture, frame);
-  if (frame.show_needle && frame.moment.approximate) {
-    WithFont font(Letters::kSmall);
-    constexpr const char* kWords =
-        "≈ this view cannot follow until the needle is outside: entry and line may be off, forces by effect "
-        "are not shown";
-    const float width_px = ImGui::CalcTextSize(kWords).x;
-    const ImVec2 at{result.corner_px.x + (size_px.x - width_px) * 0.5F, result.corner_px.y + space() * 0.6F};
-    list.AddRectFilled({at.x - 6, at.y - 2}, {at.x + width_px + 6, at.y + ImGui::GetFontSize() + 4},
-                       packed(kBlack, 0.6F), 4);
-    list.AddText(at, packed(kOrange), kWords);
-  }
   ImGui::PopClipRect();
   return result;
 }

@@ -270,13 +270,15 @@ class TissueGroup : public SampleGroup {
   }
 
   // In a body it takes a search: not where the tip cannot be deeper than the greatest depth so far, by the
-  // way to where it was asked last, or by one way to the skin. The last tip first: on the way in it is the
-  // deepest.
+  // way to where it was asked last, or by one way to the skin, first of all to where the last one led: a tip
+  // that rests has the same. The last tip first: on the way in it is the deepest.
   void askDepths() {
     while (tips_ > 0) {
       const Vec3 tip_W_m = tips_W_m_[--tips_];
       if (norm(tip_W_m - depth_at_W_m_) + depth_there_m_ <= facts_.depth_m) continue;
-      if (norm(nearestSkin(gesture_.anatomy.limb, tip_W_m, {0, 0, -1}) - tip_W_m) <= facts_.depth_m) continue;
+      if (norm(skin_W_m_ - tip_W_m) <= facts_.depth_m) continue;
+      skin_W_m_ = nearestSkin(gesture_.anatomy.limb, tip_W_m, {0, 0, -1});
+      if (norm(skin_W_m_ - tip_W_m) <= facts_.depth_m) continue;
       depth_at_W_m_ = tip_W_m;
       depth_there_m_ = depthAt(gesture_.anatomy, tip_W_m);
       facts_.depth_m = std::max(facts_.depth_m, depth_there_m_);
@@ -289,6 +291,7 @@ class TissueGroup : public SampleGroup {
   std::size_t tips_ = 0;
   Vec3 depth_at_W_m_;  // where it was asked last
   double depth_there_m_ = std::numeric_limits<double>::infinity();
+  Vec3 skin_W_m_ = {std::numeric_limits<double>::infinity(), 0, 0};  // where the last way to it led
   int layer_before_ = -1;
   GestureSample changed_;  // sample at the tip's last change of layer
   bool has_changed_ = false;

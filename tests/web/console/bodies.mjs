@@ -28,6 +28,26 @@ export function bodies(t) {
     await open(page, t.lab, `#/${at}`, 'guest: Lumbar: epidural space');
     const drawing = page.getByRole('img', { name: /^Cut through the body where the needle first came in/ });
     await drawing.getByText('Subcutaneous fat', { exact: true }).waitFor();
+    const play = page.getByRole('button', { name: 'Play' });
+    const seenIn = async (width, height, places) => {
+      await page.setViewportSize({ width, height });
+      await until(
+        `the page at ${width}`,
+        async () => (await page.evaluate(() => document.documentElement.scrollWidth)) <= width,
+      );
+      for (const place of places) {
+        const box = await place.boundingBox();
+        assert.ok(
+          box.y >= 0 && box.y + box.height <= height,
+          `${place} at ${width} × ${height}: ${JSON.stringify(box)}`,
+        );
+      }
+    };
+    const size = page.viewportSize();
+    await seenIn(390, 844, [page.locator('.judgement'), play]);
+    await page.getByRole('listitem').getByText('Subcutaneous fat', { exact: true }).waitFor(); // below the drawing
+    await seenIn(1280, 720, [page.locator('.judgement'), play, drawing]);
+    await page.setViewportSize(size);
     const moment = page.getByRole('slider', { name: 'Moment' });
     // a straight way: the tip is as far from the place of insertion as it is deep
     const deepest = columns.insertion_m.indexOf(Math.max(...columns.insertion_m));

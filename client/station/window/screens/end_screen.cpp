@@ -310,7 +310,7 @@ void EndScreen::showGesture(const LessonOutcome& outcome, const LessonFollow* le
     insertionPicture(*replay_, now, renderer_, frame_, {rest.x, 0.52F * rest.y});
     const WithFont small(Letters::kSmall);
     textBlock(replayText(*replay_, now, scene));
-    insertionLegend(*replay_);
+    insertionLegend(*replay_, frame_.plan_W.has_value());
   }
   if (outcome.curve.empty()) return;
   const ImVec2 rest = ImGui::GetContentRegionAvail();

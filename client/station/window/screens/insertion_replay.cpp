@@ -16,6 +16,14 @@ bool isInTissue(const Moment& moment) {
   return moment.layer >= 0 && !isCapped(moment);
 }
 
+// The hand may have brought its own tip further: into bone, or on when the hub rests on the skin.
+Vec3 tipIn(const Moment& moment) {
+  if (!moment.inside) return moment.p_WT_m;
+  const double way_m = dot(moment.u_W, moment.p_WT_m - moment.p_entry_W_m);
+  return isHeldBack(way_m, moment.insertion_m) ? moment.p_WT_m - (way_m - moment.insertion_m) * moment.u_W
+                                               : moment.p_WT_m;
+}
+
 constexpr Rgb kPathColour = kSkyBlue, kOpeningColour = kOrange, kBoneColour = kVermillion;
 
 void bigSign(ImDrawList& list, ImVec2 at, Rgb colour, const char* sign) {
@@ -56,14 +64,15 @@ std::optional<InsertionReplay> insertionReplay(const GestureTrace& trace, const 
   replay.at_s = injects ? std::clamp(injected_s, replay.from_s, replay.to_s) : furthest->time_s;
   const double injected_to_s = injects ? static_cast<double>(injections.back().end) / rate_hz : -1;
   for (auto at = first; at != end; ++at) {
-    replay.path_W_m.push_back(at->p_WT_m);
+    replay.path_W_m.push_back(tipIn(*at));
+    if (std::ranges::count(replay.met, at->layer) == 0) replay.met.push_back(at->layer);
     if (injects && at->time_s >= injected_s && at->time_s <= injected_to_s)
-      replay.opening_W_m.push_back(openingOf(scene, at->p_WT_m, at->q_WT));
+      replay.opening_W_m.push_back(openingOf(scene, tipIn(*at), at->q_WT));
   }
   for (const TraceEvent& event : trace.events())
     if (event.kind == TraceEvent::Kind::kBoneContact && event.time_s >= replay.from_s &&
         event.time_s <= replay.to_s)
-      replay.bone_W_m.push_back(trace.at(event.time_s).p_WT_m);
+      replay.bone_W_m.push_back(tipIn(trace.at(event.time_s)));
   return replay;
 }
 
@@ -88,11 +97,15 @@ OrbitCamera viewOfInsertion(const SceneView& scene, const InsertionReplay& repla
 void insertionPicture(const InsertionReplay& replay, const Moment& now, SceneRenderer& renderer,
                       SceneFrame& frame, ImVec2 size_px) {
   frame.moment = now;
+  frame.moment.p_WT_m = tipIn(now);
   frame.aids = {};
   for (const auto aid : {pb::Exercise::TISSUES, pb::Exercise::ANATOMY, pb::Exercise::PLANNED_LINE})
     frame.aids.set(aid, true);
   frame.trails = {{replay.path_W_m, kPathColour}, {replay.opening_W_m, kOpeningColour}};
-  const SceneWidgetResult result = sceneWidget("insertion", renderer, frame, size_px);
+  SceneWidgetOptions options;
+  options.legend = false;  // insertionLegend
+  options.met = &replay.met;
+  const SceneWidgetResult result = sceneWidget("insertion", renderer, frame, size_px, options);
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 end{result.corner_px.x + result.size_px.x, result.corner_px.y + result.size_px.y};
   list.PushClipRect(result.corner_px, end, true);
@@ -110,14 +123,18 @@ void insertionPicture(const InsertionReplay& replay, const Moment& now, SceneRen
   list.PopClipRect();
 }
 
-void insertionLegend(const InsertionReplay& replay) {
-  const auto row = [](Rgb colour, const char* words) {
+void insertionLegend(const InsertionReplay& replay, bool plan) {
+  const float end_px = ImGui::GetCursorScreenPos().x + ImGui::GetContentRegionAvail().x;
+  const auto row = [&](Rgb colour, const char* words) {
+    const float gap_px = ImGui::GetStyle().ItemSpacing.x, wide_px = ImGui::CalcTextSize(words).x;
+    if (colour != kPathColour && ImGui::GetItemRectMax().x + gap_px + wide_px < end_px) ImGui::SameLine();
     const WithTextColour coloured(colour);
     ImGui::TextUnformatted(words);
   };
   row(kPathColour, "— the tip's way");
-  if (!replay.opening_W_m.empty()) ImGui::SameLine(), row(kOpeningColour, "○ opening, injection");
-  if (!replay.bone_W_m.empty()) ImGui::SameLine(), row(kBoneColour, "✗ bone met");
+  if (!replay.opening_W_m.empty()) row(kOpeningColour, "○ opening, injection");
+  if (!replay.bone_W_m.empty()) row(kBoneColour, "✗ bone met");
+  if (plan) row(kPlanColour, "- - planned line");
 }
 
 }  // namespace needlelab

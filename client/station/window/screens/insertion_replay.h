@@ -21,9 +21,10 @@ struct InsertionReplay {
 
   double from_s = 0, to_s = 0;
   double at_s = 0;                ///< the moment that is shown
-  std::vector<Vec3> path_W_m;     ///< of the tip, 100 points a second
+  std::vector<Vec3> path_W_m;     ///< of the tip, 100 points a second; on a bone, not where the hand is
   std::vector<Vec3> bone_W_m;     ///< the tip, each time that it met bone
   std::vector<Vec3> opening_W_m;  ///< of the needle's opening during the last injection; empty: none
+  std::vector<int> met;           ///< the scene's layers that the tip was in, in order
 
   /// Moves the shown moment by steps; stays within the insertion.
   void step(int steps);
@@ -45,7 +46,7 @@ OrbitCamera viewOfInsertion(const SceneView& scene, const InsertionReplay& repla
 /// injection, and a mark at each contact with bone. The mouse turns `frame`'s camera. Thread: the surface's.
 void insertionPicture(const InsertionReplay& replay, const Moment& now, SceneRenderer& renderer,
                       SceneFrame& frame, ImVec2 size_px);
-/// Draws a line that says what the picture's marks are.
-void insertionLegend(const InsertionReplay& replay);
+/// Draws what the picture's marks are. `plan`: the picture has the planned line.
+void insertionLegend(const InsertionReplay& replay, bool plan);
 
 }  // namespace needlelab

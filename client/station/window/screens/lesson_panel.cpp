@@ -10,13 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include "client/station/window/screens/ladder_labels.h"
 #include "client/station/window/screens/station_actions.h"
 #include "client/view/model/gesture_plots.h"
 #include "client/view/model/palette.h"
 #include "client/view/model/plot.h"
 #include "client/view/model/scene_view.h"
 #include "client/view/plots.h"
+#include "client/view/scene/label_places.h"
 #include "client/view/theme.h"
 #include "common/base/text/text.h"
 #include "common/base/units.h"
@@ -85,7 +85,7 @@ void drawLadderNames(ImDrawList* draw, std::vector<LadderName> names, float band
   std::stable_sort(names.begin(), names.end(),
                    [&](const LadderName& a, const LadderName& b) { return middle(a) < middle(b); });
   const float wrap_px = right_px - left_px, line_px = ImGui::GetTextLineHeight();
-  std::vector<LadderLabel> labels;
+  std::vector<SideLabel> labels;
   for (const LadderName& name : names)
     labels.push_back({middle(name), ImGui::CalcTextSize(name.text.c_str(), nullptr, false, wrap_px).y,
                       name.to_px - name.from_px, name.kept});
@@ -321,8 +321,7 @@ bool lessonPanel(const BoardState& state, const LessonFollow& lesson, const AidS
   const bool below = forces && rest > 26 * space();
   const bool beside = forces && !below && !slice;
   const float upper = !ladder && !slice ? (beside ? rest : 0) : below ? 0.52F * rest : rest;
-  const float ladder_width = slice ? 0.42F * width
-                             : beside && ladder
+  const float ladder_width = (slice || beside) && ladder
                                  ? std::clamp(ladderNeed_px(*lesson.scene()), 0.42F * width, 0.62F * width)
                                  : width;
   if (ladder) {

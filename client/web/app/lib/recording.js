@@ -216,27 +216,19 @@ function inHazard(columns, profile, placement) {
 }
 
 /**
- * The kinds of contacts: the measure that counts them, the event's name, their number in words. A new kind is one row.
+ * The kinds of contacts: the measure that counts them, and the event's name. A new kind is one row.
  */
 const kContacts = [
-  { measure: kMeasures.bone, name: 'bone contact', one: '1 bone contact', more: 'contacts with bone', at: inBone },
+  { measure: kMeasures.bone, name: 'bone contact', at: inBone },
   {
     measure: kMeasures.hub,
     name: 'hub on the skin',
-    one: '1 contact of the hub with the skin',
-    more: 'contacts of the hub with the skin',
     at: (columns, profile) => (i) => columns.insertion_m?.[i] > profile.needle?.length_m,
   },
-  {
-    measure: kMeasures.hazard,
-    name: 'hazard touched',
-    one: '1 hazard touched',
-    more: 'hazards touched',
-    at: inHazard,
-  },
+  { measure: kMeasures.hazard, name: 'hazard touched', at: inHazard },
 ];
 
-/** @typedef {{measure: string, name: string, one: string, more: string, moments_s: number[]}} ContactsOfKind */
+/** @typedef {{measure: string, name: string, moments_s: number[]}} ContactsOfKind */
 
 /**
  * When the tip came into bone, the hub onto the skin, and the needle to a hazard, by the rule of the measures. Nothing
@@ -254,20 +246,16 @@ export function contactsOf(columns, profile, placement) {
 }
 
 /**
- * The words about one kind of contacts. The score counts them over all samples; moments are known only if the points of
- * the plot show them, which can be fewer.
+ * The words before the moments of one kind of contacts. The score counts them over all samples; moments are known only
+ * if the points of the plot show them, which can be fewer.
  * @param {any[]|undefined} measures of the score, if there is one
  * @param {ContactsOfKind} contacts
- * @returns {{many: string, moments: string}|null} `many`: their number, or their name without a score; null: none
+ * @returns {string|null} null: none
  */
-export function contactWords(measures, { measure, name, one, more, moments_s: { length: shown } }) {
-  const counted = measures?.find((row) => row.measure === measure)?.value;
-  const known = Number.isFinite(counted);
-  if (shown === 0 && !(known && counted > 0)) return null;
-  const many = !known ? name : counted === 1 ? one : `${counted} ${more}`;
-  if (known && shown === 0) return { many, moments: 'too short for the plot' };
-  const short = known && counted > shown ? `, ${counted - shown} too short for the plot` : '';
-  return { many, moments: `moments that are shown${short}` };
+export function contactWords(measures, { measure, name, moments_s: { length: shown } }) {
+  const hidden = (measures?.find((row) => row.measure === measure)?.value ?? 0) - shown;
+  if (shown === 0) return hidden > 0 ? `${name}, too short for the plot` : null;
+  return hidden > 0 ? `${name} (${hidden} more too short for the plot):` : `${name}:`;
 }
 
 /** Whether the needle has its cap on at a sample. */

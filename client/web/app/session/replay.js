@@ -62,7 +62,6 @@ function InBody({ section, columns, profile, placement, at_s }) {
       cap_px=${cap_m * scale}
     />`;
   return html`
-    <h3>Cut through the body</h3>
     <${BodyView}
       section=${section}
       profile=${profile}
@@ -127,12 +126,12 @@ function Views({ columns, profile, placement, at_s }) {
   `;
 }
 
-/** The contacts of one kind, with a button for each moment that is shown. */
+/** The contacts of one kind, with a button for each moment that is shown; their number is the score's. */
 function Contacts({ kind, measures, seek }) {
   const said = contactWords(measures, kind);
   if (!said) return null;
   return html`<div class="actions">
-    <span>✗ ${said.many}; ${said.moments}${kind.moments_s.length > 0 && ':'}</span>
+    <span>✗ ${said}</span>
     ${kind.moments_s.map(
       (t) =>
         html`<button
@@ -163,8 +162,14 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
   const i = sampleAt(columns, playback.at_s);
   const place = momentWords(columns, i, playback.at_s, layerNames(profile), force[i]);
   const shown = { columns, profile, placement, at_s: playback.at_s };
-  return html`<div class="replay" role="group" aria-label="Replay of the tip" tabindex="0" onKeyDown=${keys}>
-    ${profile.volume ? html`<${Body} id=${session_id} ...${shown} />` : html`<${Views} ...${shown} />`}
+  return html`<div
+    class=${`replay ${profile.volume ? 'replay-in-body' : ''}`}
+    role="group"
+    aria-label="Replay of the tip"
+    tabindex="0"
+    onKeyDown=${keys}
+  >
+    <div class="replay-controls">
     <div class="actions">
       <button type="button" class="main" onClick=${act.toggle}>${playback.playing ? 'Pause' : 'Play'}</button>
       <label for=${id}>Moment</label>
@@ -190,5 +195,7 @@ export function Replay({ columns, session, contacts, measures, playback, act }) 
     </div>
     <p class="replay-now">${place}</p>
     ${contacts.map((kind) => html`<${Contacts} kind=${kind} measures=${measures} seek=${act.seek} />`)}
+    </div>
+    <div>${profile.volume ? html`<${Body} id=${session_id} ...${shown} />` : html`<${Views} ...${shown} />`}</div>
   </div>`;
 }

@@ -23,19 +23,20 @@ export function BodyDrawing({ section, profile, label, over, areas, entry, place
   const marked = areas.map((area) => ({ ...area, mark: markOf(profile, area.index) }));
   const longest = Math.max(0, ...areas.map((area) => area.name.length)),
     width = Math.max(320, room),
-    names_px = Math.min(width / 2, 26 + kLetter_px * (longest + 2)),
+    beside_px = 26 + kLetter_px * (longest + 2),
+    below = beside_px > width / 2, // the names
+    names_px = below ? 0 : beside_px,
     edge = width - names_px,
     point_px = edge / section.columns, // of the grid
     height = section.rows * point_px,
     scale = point_px / section.point_m;
-  const names = beside(
-    marked.map(({ at, name, mark }) => ({
-      x: at.x * point_px,
-      y: at.y * point_px,
-      text: (mark ? `${kSigns[mark.kind]} ` : '') + atStart(name),
-    })),
-    height,
-  );
+  const nameOf = ({ name, mark }) => (mark ? `${kSigns[mark.kind]} ` : '') + atStart(name);
+  const names = below
+    ? []
+    : beside(
+        marked.map((area) => ({ x: area.at.x * point_px, y: area.at.y * point_px, text: nameOf(area) })),
+        height,
+      );
   const x = (u) => u * scale;
   // where a structure is that moves a shape, only the engine knows
   const still = (regions) => regions?.filter((region) => !region.anchor);
@@ -67,6 +68,17 @@ export function BodyDrawing({ section, profile, label, over, areas, entry, place
       </g>
       <${Ruler} length_m=${0.01} scale=${scale} height=${height} />
     <//>
+    ${
+      below &&
+      html`<ul class="drawing-legend">
+        ${marked.map(
+          (area) =>
+            html`<li>
+              <svg viewBox="0 0 24 12" aria-hidden="true"><rect width="24" height="12" fill=${area.color} /></svg>${nameOf(area)}
+            </li>`,
+        )}
+      </ul>`
+    }
     ${
       moving.length > 0 &&
       html`<p class="help">Not drawn, because a structure moves it: ${moving.map((region) => region.name).join(', ')}.</p>`

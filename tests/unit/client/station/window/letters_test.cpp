@@ -15,6 +15,7 @@ namespace needlelab::test {
 namespace {
 
 using testing::AllOf;
+using testing::Contains;
 using testing::HasSubstr;
 using testing::MatchesRegex;
 using testing::Not;
@@ -187,6 +188,18 @@ TEST_P(LettersTest, aBodysLadderHasWholeNames) {
   for (const char* name : {"subcutaneousfat", "deltoidmuscle", "subacromialbursa"})
     EXPECT_THAT(all, HasSubstr(name));
   EXPECT_THAT(all, Not(HasSubstr("…")));
+}
+
+TEST_P(LettersTest, besideTheSliceTheLaddersWordsAreWhole) {
+  AidList aids = usualAids();
+  aids.Add(pb::Exercise::ULTRASOUND);
+  patient_ = "volumes/shoulder-median";
+  showLesson(2.4, aids);
+  EXPECT_THAT(drawn().all(), HasSubstr("subcutaneousfat"));
+  std::vector<std::string> lines;
+  for (const DrawnLine& line : drawnText()) lines.push_back(line.text);
+  for (const char* word : {"subcutaneous", "subacromial"})
+    EXPECT_THAT(lines, Contains(HasSubstr(word))) << "in one line";
 }
 
 INSTANTIATE_TEST_SUITE_P(Resolutions, LettersTest,

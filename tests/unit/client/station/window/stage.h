@@ -100,11 +100,11 @@ class TraineeStage : public ViewStage {
     });
   }
 
-  /// Shows a lesson in the shoulder until `seconds` of it have been drawn.
+  /// Shows a lesson at patient_ until `seconds` of it have been drawn.
   void showLesson(double seconds, const AidList& aids = usualAids(), bool steered = false) {
-    if (sample_.samples.empty()) sample_ = sampleLesson("shoulder-adult");
+    if (sample_.samples.empty()) sample_ = sampleLesson(patient_);
     StationOptions options;
-    options.profile_file = NEEDLELAB_SAMPLES "/shoulder-adult.json";
+    options.profile_file = NEEDLELAB_SAMPLES "/" + patient_ + ".json";
     auto beginning = std::make_shared<LessonBeginning>();
     beginning->lesson = *lessonOfFile(options);
     pb::Exercise exercise;
@@ -153,6 +153,7 @@ class TraineeStage : public ViewStage {
   LessonBoard board_;
   LessonRequests requests_;
   std::unique_ptr<TraineeWindow> window_;
+  std::string patient_ = "shoulder-adult";  ///< of showLesson, below the samples' folder
   SampleLesson sample_;
   bool exam_ = false;
   bool with_plan_ = false;  ///< whether the lesson's exercise has a planned line

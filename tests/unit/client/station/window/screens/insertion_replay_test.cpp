@@ -87,6 +87,30 @@ TEST(InsertionReplay, marksWhereTheTipMetBone) {
   EXPECT_NEAR(replay->bone_W_m[0].z, -depthAt_m(6.5), 1e-9);
 }
 
+TEST(InsertionReplay, theTipStaysOnTheBoneThatTheHandPushesAgainst) {
+  // the hand goes on to 30 mm, the needle rests on bone at 22 mm from where it came in
+  constexpr double kBone_m = 0.022;
+  const auto made = test::sampleLesson("shoulder-adult");
+  GestureTrace trace;
+  for (std::uint64_t tick = 5000; tick < 10'000; ++tick) {
+    Moment moment = momentAt(tick);
+    moment.inside = moment.layer >= 0;
+    moment.p_entry_W_m = {moment.p_WT_m.x, 0, 0};
+    moment.u_W = {0, 0, -1};
+    moment.insertion_m = std::min(moment.insertion_m, kBone_m);
+    trace.push(moment);
+  }
+  const auto replay = insertionReplay(trace, *made.scene, {}, kRate_hz);
+  ASSERT_TRUE(replay);
+  ASSERT_GT(replay->path_W_m.size(), 390u);
+  for (const Vec3 p_W_m : replay->path_W_m)  // 0.2 mm: isHeldBack
+    EXPECT_NEAR(p_W_m.z, -std::min(depthAt_m(p_W_m.x / 0.001), kBone_m), 2e-4 + 1e-9);
+}
+
+TEST(InsertionReplay, namesTheLayersThatTheTipWasIn) {
+  EXPECT_EQ(Made(4).replay()->met, (std::vector<int>{2, 4}));
+}
+
 TEST(InsertionReplay, aStepIsAQuarterOfASecondAndStaysWithinTheInsertion) {
   const Made made;
   auto replay = *made.replay();

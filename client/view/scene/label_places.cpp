@@ -1,4 +1,4 @@
-#include "client/station/window/screens/ladder_labels.h"
+#include "client/view/scene/label_places.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -6,7 +6,7 @@
 
 namespace needlelab {
 
-std::vector<float> placeLabels(std::span<const LadderLabel> labels, float from_px, float to_px) {
+std::vector<float> placeLabels(std::span<const SideLabel> labels, float from_px, float to_px) {
   std::vector<std::size_t> shown(labels.size());
   float needed_px = 0;
   for (std::size_t i = 0; i < labels.size(); ++i) {
@@ -15,7 +15,7 @@ std::vector<float> placeLabels(std::span<const LadderLabel> labels, float from_p
   }
   while (!shown.empty() && needed_px > to_px - from_px) {
     const auto least = std::min_element(shown.begin(), shown.end(), [&](std::size_t a, std::size_t b) {
-      return std::pair(labels[a].kept, labels[a].band_px) < std::pair(labels[b].kept, labels[b].band_px);
+      return std::pair(labels[a].kept, labels[a].weight) < std::pair(labels[b].kept, labels[b].weight);
     });
     needed_px -= labels[*least].height_px;
     shown.erase(least);
