@@ -21,6 +21,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/text/uuid.h"
+#include "common/base/time/clock.h"
 #include "db/login/credentials.h"
 #include "db/people/people.h"
 #include "db/service/start/bootstrap.h"
@@ -36,7 +37,9 @@ namespace {
 
 constexpr int kPeople = 3000, kGroups = 30, kExercises = 8, kSessionsAtOnce = 500;
 constexpr double kGoal_ms = 300;
-constexpr std::int64_t kBegin_ns = 1'700'000'000'000'000'000, kMinute_ns = 60'000'000'000;
+constexpr std::int64_t kMinute_ns = 60'000'000'000;
+/// One session a minute until now: GET /today reads what was tried within weeks.
+const std::int64_t kBegin_ns = wallNowNs() - 120'000 * kMinute_ns;
 
 struct ListsSettings {
   std::filesystem::path folder;   ///< empty: a temporary one
@@ -293,6 +296,7 @@ Table measureAll(Store& store, const Faculty& faculty, int rounds) {
         {{"verdict", "passed"}},
         {{"limit", "1000"}}}},
       {"/assignments", {{}, {{"trainee", personAt(17)}}}},
+      {"/today", {{}, {{"list", "behind"}, {"limit", "100"}}, {{"list", "struggling"}}}},
       {"/scores.csv", {{{"course", "everybody"}}, {{"course", "everybody"}, {"group", "class-07"}}}},
   };
   Table table;

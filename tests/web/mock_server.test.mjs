@@ -76,6 +76,7 @@ test('every page of every list, and what is below it', async () => {
     '/assignments',
     '/sessions',
     '/unknown-trainees',
+    '/today',
     '/stations',
     '/session',
     '/lab/settings',

@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
-import { backoff, clock, day, fromInput, moment, toInput } from '../../client/web/app/lib/time.js';
+import { ago, backoff, clock, day, fromInput, moment, toInput } from '../../client/web/app/lib/time.js';
 import { indexAt, minMax } from '../../client/web/app/lib/decimate.js';
 import { layerNames } from '../../client/web/app/lib/tissue.js';
 import {
@@ -274,4 +274,12 @@ test('a replay runs at its speed, stops at the end, and begins again', () => {
   assert.equal(loaded(early, 0, 9).at_s, 2.5);
   assert.equal(loaded(early, 0, 2).at_s, 2);
   assert.equal(loaded(loaded(early, 0, 9), 1, 9).at_s, 1, 'another recording begins at its beginning');
+});
+
+test('how long ago, by the days of the calendar', () => {
+  const noon = new Date(2026, 10, 30, 12).getTime(),
+    late = new Date(2026, 10, 29, 23, 59).getTime();
+  assert.equal(ago(noon - 3_600_000, noon, 'en'), 'today');
+  assert.equal(ago(late, noon, 'en'), 'yesterday');
+  assert.equal(ago(late - 4 * 86_400_000, noon, 'en'), '5 days ago');
 });

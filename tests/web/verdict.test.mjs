@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { moment } from '../../client/web/app/lib/time.js';
-import { kVerdicts, stiffnessShareText, verdictOf } from '../../client/web/app/lib/verdict.js';
+import { kVerdicts, stiffnessShareText, trendOf, trendOfAll, verdictOf } from '../../client/web/app/lib/verdict.js';
 import { CourseName } from '../../client/web/app/pages/courses.js';
 import { cellState } from '../../client/web/app/pages/results.js';
 import { Verdict, whyItWaits } from '../../client/web/app/pages/sessions.js';
@@ -85,4 +85,33 @@ test('a session that waits says why, and first what no one can confirm', () => {
 test('the list of courses says of an exam that it is one, beside its name', () => {
   assert.match(textOf(CourseName({ course: { id: 'e', name: 'Autumn', exam: true } })), /^\s*Autumn\s+exam\s*$/);
   assert.match(textOf(CourseName({ course: { id: 'e', name: 'Autumn', exam: false } })), /^\s*Autumn\s*$/);
+});
+
+test('a trend is better, as before or worse, by what is better of the measure and by chance', () => {
+  const row = (measure, better, tau, p) => ({ measure, better, trend: { slope_per_attempt: tau, tau, p } });
+  for (const [better, tau, p, kind, word] of [
+    ['less', -0.8, 0.01, 'good', 'better'],
+    ['less', 0.8, 0.01, 'bad', 'worse'],
+    ['more', 0.8, 0.05, 'good', 'better'],
+    ['more', -0.8, 0.05, 'bad', 'worse'],
+    ['more', -0.8, 0.06, 'info', 'as before'],
+    ['neither', 0.8, 0.01, 'info', 'rises'],
+    ['neither', -0.8, 0.01, 'info', 'falls'],
+  ])
+    assert.deepEqual(trendOf(row('m', better, tau, p)), [kind, word]);
+  const few = ['open', 'too few attempts yet'];
+  assert.deepEqual(trendOf({ measure: 'm', better: 'less', trend: null }), few);
+  assert.deepEqual(trendOf(undefined), few);
+
+  const rows = [
+    row('a', 'less', -1, 0.01),
+    row('b', 'less', -1, 0.01),
+    row('c', 'more', -1, 0.01),
+    row('d', 'less', 1, 0.5),
+    { measure: 'e', better: 'less', trend: null },
+  ];
+  assert.deepEqual(trendOfAll(rows, ['a', 'b', 'c', 'd', 'e']), ['good', 'better']);
+  assert.deepEqual(trendOfAll(rows, ['a', 'c', 'd']), ['info', 'as before']);
+  assert.deepEqual(trendOfAll(rows, ['c', 'd']), ['bad', 'worse']);
+  assert.deepEqual(trendOfAll(rows, ['e']), few, 'what is not required does not count');
 });

@@ -124,7 +124,7 @@ TileClick stationTile(const LabState& lab, const StationTile& tile, ImVec2 size_
     const WithTextColour dim(kDimText);
     textLine(tile.station, std::max(space(), right - space() - ImGui::GetCursorPosX()));
   }
-  ImGui::SameLine(right);
+  ImGui::SameLine(right - left);  // within the group
   {
     const WithTextColour colour(style.colour);
     ImGui::TextUnformatted(word.c_str());

@@ -101,7 +101,9 @@ Result<SceneView> sceneViewOf(const pb::Profile& profile, const Pose& X_WL) {
     const auto& structures = profile.volume().structures();
     for (int i = 0; i < structures.size(); ++i)
       if (structures[i].id() == profile.palpation().landmark())
-        view.landmark = view.layers[static_cast<std::size_t>(i)].name;
+        view.landmark = profile.palpation().landmark_name().empty()
+                            ? view.layers[static_cast<std::size_t>(i)].name
+                            : profile.palpation().landmark_name();
   }
   // the last layer has no lower end: it fills a round limb
   if (const double reach_m = reachOf(view.limb_W); std::isfinite(reach_m))

@@ -21,11 +21,13 @@ import { RetentionPage } from './pages/retention.js';
 import { CourseRevisions, ProfileRevisions } from './pages/revisions.js';
 import { SessionPage } from './pages/session.js';
 import { SessionsPage } from './pages/sessions.js';
+import { TodayPage } from './pages/today.js';
 import { UnknownTraineesPage } from './pages/people/unknown_trainees.js';
 import { UpkeepPage } from './pages/upkeep.js';
 
 export const kRoutes = [
   { path: '/', page: Home, section: 'Home' },
+  { path: '/today/:list', page: TodayPage, action: 'see results', section: 'Home' },
   { path: '/account', page: AccountPage, action: 'own account' },
   { path: '/people', page: PeoplePage, action: 'see people', section: 'People' },
   { path: '/people/import', page: PeopleImportPage, action: 'edit people', section: 'People' },

@@ -74,6 +74,7 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
 Result<pb::Reply> getProgress(const Context& context, const pb::GetProgress& call);
 Result<pb::Reply> listTried(const Context& context, const pb::ListTried& call);
 Result<pb::Reply> getAttempt(const Context& context, const pb::GetAttempt& call);
+Result<pb::Reply> getToday(const Context& context, const pb::GetToday& call);  ///< today_handlers.cpp
 Result<pb::Reply> excuseAttempt(const Context& context, const pb::ExcuseAttempt& call);
 
 Result<pb::Reply> checkTrainee(const Context& context,

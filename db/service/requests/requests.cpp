@@ -185,6 +185,8 @@ constexpr RequestRow kRows[] = {
    {{"GET /people/{name}/exercises", "Exercises at which there are attempts, the one tried last first"}}},
   {Call::kGetAttempt,              "attempt show",         kPeople,               to<getAttempt>,                Reply::kAttempt, kViews,
    {{"GET /sessions/{id}/attempt", "The session as an attempt: its number, whether it counts"}}},
+  {Call::kGetToday,                "today",                kStaff,                to<getToday>,                  Reply::kToday, kViews,
+   {{"GET /today?list&limit&page", "What needs attention: numbers, and the rows of one list: due, behind or struggling"}}},
   {Call::kExcuseAttempt,           "attempt excuse",       kStaff,                to<excuseAttempt, kStores>,    Reply::kAttempt, kWorkers,
    {{"POST /sessions/{id}/excuse", "Excuses an attempt: it does not count"}}},
 

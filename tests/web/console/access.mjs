@@ -7,6 +7,7 @@ import { api } from './week.mjs';
 const kPhoneWidths = [390, 320];
 const kPages = [
   '/',
+  '/today/behind',
   '/account',
   '/people',
   '/people/import',

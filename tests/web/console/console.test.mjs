@@ -4,6 +4,7 @@ import { after, before, describe, it } from 'node:test';
 import { access } from './access.mjs';
 import { bodies } from './bodies.mjs';
 import { Browser } from './browser.mjs';
+import { home } from './home.mjs';
 import { Lab } from './lab.mjs';
 import { longLists } from './lists.mjs';
 import { malformed } from './malformed.mjs';
@@ -39,6 +40,7 @@ describe('the web console', { concurrency: false }, () => {
   describe('bodies', () => bodies(t));
   describe('malformed documents', () => malformed(t));
   describe('upkeep', () => upkeep(t));
+  describe('home', () => home(t));
   describe('roles', () => roles(t));
   describe('access', () => access(t));
   describe('long lists', () => longLists(t));

@@ -71,6 +71,9 @@ try {
       `SELECT count(*) FROM sessions WHERE trainee = '${ref}' GROUP BY exercise_id ORDER BY max(started_unix_ns) DESC`,
     ).map(Number),
     guest: count("SELECT count(*) FROM sessions WHERE trainee = 'guest' AND exercise_id = 'exercise-3'"),
+    behind: count(
+      "SELECT count(*) FROM accounts c WHERE c.role = 1 AND EXISTS (SELECT 1 FROM exercises e WHERE e.curriculum_id = 'everybody' AND NOT EXISTS (SELECT 1 FROM sessions s WHERE s.trainee = c.ref AND s.exercise_id = e.id AND s.passed = 1 AND s.excused = 0))",
+    ),
     assigned: count('SELECT count(*) FROM assignments'),
     scores: count(
       `SELECT count(*) FROM scores c JOIN sessions s ON s.number = c.session JOIN group_members m ON m.person = s.trainee AND m.group_id = '${kGroup}'`,
@@ -103,6 +106,9 @@ try {
   };
   const caption = (text) => page.locator('caption').getByText(text).first().waitFor();
 
+  await walk('home', '#/', /^Welcome/, () =>
+    page.getByRole('link', { name: `${said.behind} trainees are behind` }).waitFor(),
+  );
   await walk('people', '#/people', 'People', () => caption(`100 of ${said.people} people`));
   await walk('people-found', '#/people?find=number+17', 'People', () =>
     caption(said.found > 100 ? `100 of ${said.found} people` : `${said.found} people`),

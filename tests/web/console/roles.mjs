@@ -15,8 +15,9 @@ const kPages = [
     'timar',
     /^Welcome/,
     'session',
-    { 'My results': 't', 'Import a class': 'ma', 'Backup and check': 'a', Results: 'ima', Exports: 'imar' },
+    { '0 struggling: the same requirement failed three times in a row': 'ima', 'Export a study': 'r' },
   ],
+  ['/today/behind', 'ima', /^Behind$/, 'today?list=behind', { Home: 'ima' }],
   [
     '/account',
     'timar',

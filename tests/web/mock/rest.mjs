@@ -508,6 +508,33 @@ export const kTable = [
     }
     return { items: [...rows.values()].sort((a, b) => b.newest_unix_ms - a.newest_unix_ms), next_page: '' };
   }),
+  get('today', kStaff, ({ lab, query, who }) => {
+    const trainees = [...lab.people.values()].filter((p) => p.role === 'TRAINEE');
+    const row = ({ name, full_name }, exercise_id, more) => ({
+      trainee: name,
+      trainee_full_name: full_name,
+      exercise_ids: [exercise_id],
+      due_unix_ms: null,
+      measure: '',
+      ...more,
+    });
+    const [exercise] = [...lab.courses.values()][0].at(-1).json.exercises;
+    const lists = {
+      due: trainees.slice(0, 3).map((p) => row(p, exercise.id, { due_unix_ms: kNow_ms + 3 * 86_400_000 })),
+      behind: trainees.slice(1, 2).map((p) => row(p, exercise.id, { due_unix_ms: kNow_ms - 86_400_000 })),
+      struggling: trainees.slice(0, 1).map((p) => row(p, exercise.id, { measure: 'peak_force_n' })),
+    };
+    return {
+      due: lists.due.length,
+      behind: lists.behind.length,
+      struggling: lists.struggling.length,
+      ...(kManagers.includes(who.role) && {
+        waiting: lab.sessions.filter((s) => s.unknown_trainee).length,
+        backup_unix_ms: kNow_ms - 2 * 86_400_000,
+      }),
+      ...paged(lists[query.list] ?? [], query),
+    };
+  }),
   get('groups', kStaff, ({ lab, query }) => {
     const part = (query.search ?? '').toLowerCase();
     const fitting = [...lab.groups.values()].filter((g) => `${g.id}\n${g.name}`.toLowerCase().includes(part));

@@ -14,6 +14,13 @@ export function tileState(tile) {
   return isPractising(tile) ? ['good', 'practising'] : ['info', 'idle'];
 }
 
+/** @returns {'trouble'|'practising'|'idle'|'offline'} what a station's number on Home counts it as */
+export function stationState(tile) {
+  if (tile.fault) return 'trouble';
+  if (!tile.online) return 'offline';
+  return isPractising(tile) ? 'practising' : 'idle';
+}
+
 /** The trainee's name, which the server knows once it has the session. */
 export const traineeWords = (tile) => traineeName(tile) || 'Name not known yet';
 

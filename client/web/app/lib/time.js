@@ -15,6 +15,15 @@ export function day(unix_ms, locale = undefined) {
   return unix_ms ? new Intl.DateTimeFormat(locale, { dateStyle: 'medium' }).format(unix_ms) : '–';
 }
 
+const kDay_ms = 86_400_000;
+
+/** "today", "yesterday", "5 days ago", by the days of the calendar. */
+export function ago(unix_ms, now_ms = Date.now(), locale = undefined) {
+  const midnight = (ms) => new Date(ms).setHours(0, 0, 0, 0);
+  const days = Math.round((midnight(unix_ms) - midnight(now_ms)) / kDay_ms);
+  return new Intl.RelativeTimeFormat(locale, { numeric: 'auto' }).format(days, 'day');
+}
+
 /** Seconds of a recording: "1:05.3"; "–" without them, as for a recording without a rate. */
 export function clock(seconds) {
   if (!Number.isFinite(seconds)) return '–';

@@ -22,6 +22,35 @@ export function verdictOf(passed) {
   return ['open', word.get('none')];
 }
 
+/** With this share of chance or less a trend counts (common/scoring/attempts/progress.cpp). */
+const kClear_p = 0.05;
+
+/**
+ * How a measure went over the attempts: the kind of mark, and its words.
+ * @param {{better: 'less'|'more'|'neither', trend: {tau: number, p: number}|null}|undefined} row of the server's progress
+ * @returns {['good'|'bad'|'open'|'info', string]}
+ */
+export function trendOf(row) {
+  if (!row?.trend) return ['open', 'too few attempts yet'];
+  const { tau, p } = row.trend;
+  if (!(p <= kClear_p)) return ['info', 'as before'];
+  if (row.better === 'neither') return ['info', tau > 0 ? 'rises' : 'falls'];
+  return (row.better === 'more') === tau > 0 ? ['good', 'better'] : ['bad', 'worse'];
+}
+
+/**
+ * Same for all that an exercise requires: better if more of its measures became better than worse.
+ * @param {any[]} rows of the server's progress
+ * @param {string[]} required names of measures
+ */
+export function trendOfAll(rows, required) {
+  const words = rows.filter((row) => row.trend && required.includes(row.measure)).map((row) => trendOf(row)[1]);
+  if (words.length === 0) return trendOf(undefined);
+  const count = (word) => words.filter((w) => w === word).length;
+  const lead = count('better') - count('worse');
+  return lead > 0 ? ['good', 'better'] : lead < 0 ? ['bad', 'worse'] : ['info', 'as before'];
+}
+
 /**
  * As stiffnessShareText of common/haptics: beside the score of a session that was not rendered as in its profile.
  * @param {{stiffness_share?: any, delay_stiffness_share?: any, device_notes?: string[]}} description

@@ -164,6 +164,12 @@ export const references = {
     put(['exercises', exercise, 'reference'], { session_ids }, { base_revision: revision }),
 };
 
+/**
+ * What needs attention, for staff: numbers, and the rows of one list.
+ * @param {'due'|'behind'|'struggling'|undefined} list
+ */
+export const today = (list, page, signal) => get(['today'], { signal, query: { list, page, limit: 100 } });
+
 export const retention = {
   all: (signal) => get(['retention'], { signal }),
   put: (policy) => put(['retention'], { policy }),

@@ -1,5 +1,5 @@
 // The state of the lab now. The line reconnects by itself, and the page shows its state.
-import { isPractising, tileState, traineeWords } from '../lib/lab.js';
+import { isPractising, stationState, tileState, traineeWords } from '../lib/lab.js';
 import { href } from '../lib/routes.js';
 import { atStart, counted, quantity } from '../lib/units.js';
 import { may } from '../lib/roles.js';
@@ -81,7 +81,10 @@ function Line({ line, retry }) {
   </p>`;
 }
 
-export function LivePage({ person }) {
+/** Tiles of each state that the address may name; Home links to them. */
+const kShown = { practising: 'practising', idle: 'idle', trouble: 'in trouble' };
+
+export function LivePage({ query, person }) {
   const [tiles, setTiles] = useState(null);
   const [line, setLine] = useState({ state: 'connecting', next_try_ms: 0 });
   const [trouble, setTrouble] = useState('');
@@ -107,6 +110,7 @@ export function LivePage({ person }) {
   }, []);
   const nameOf = useExerciseName();
   const busy = (tiles ?? []).filter(isPractising).length;
+  const shown = (tiles ?? []).filter((tile) => !kShown[query.show] || stationState(tile) === query.show);
   return html`
     <${Heading} title="Live lab" />
     <${Line} line=${line} retry=${() => follower.current.retry()} />
@@ -122,8 +126,14 @@ export function LivePage({ person }) {
               An administrator adds one with “needlelab-admin station add”; it appears here when it connects.
             <//>`
           : html`
-              <p>${busy} of ${counted(tiles.length, 'station')} ${busy === 1 ? 'is' : 'are'} in use</p>
-              <ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${tiles.map(
+              <p>
+                ${busy} of ${counted(tiles.length, 'station')} ${busy === 1 ? 'is' : 'are'} in use.
+                ${
+                  kShown[query.show] &&
+                  html` Shown: ${shown.length} ${kShown[query.show]}. <a href="#/live">Show all</a>`
+                }
+              </p>
+              <ul class=${'tiles' + (line.state === 'live' ? '' : ' live-old')}>${shown.map(
                 (tile) => html`<${Tile} key=${tile.station} tile=${tile} person=${person} nameOf=${nameOf} />`,
               )}</ul>
             `

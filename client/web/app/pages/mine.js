@@ -10,7 +10,7 @@ import { Empty, Heading, Loaded, Mark } from '../ui/widgets.js';
 import { Cell } from './results.js';
 
 /** This person's own row of each course. */
-async function ownCourses(person, signal) {
+export async function ownCourses(person, signal) {
   const [given, courses, all] = await Promise.all([
     assignments.of(person.name, signal),
     documents('courses').all(signal),
@@ -35,15 +35,20 @@ async function ownCourses(person, signal) {
   return rows.filter((r) => r.given.length > 0 || r.cells.some((c) => c.attempts > 0));
 }
 
-function Course({ row, person }) {
-  const { course, cells, exercises: list } = row;
-  const due = nextDue(list, cells);
-  const passed = cells.filter((c) => c.passed === true).length;
-  const next = list.find((e) => {
+/** The first exercise that the person may practise and has not passed; undefined: none is left. */
+export function nextOf({ cells, exercises: list }) {
+  return list.find((e) => {
     const c = cells.find((x) => x.exercise_id === e.id);
     const taken = c?.results_from_unix_ms && c.attempts > 0;
     return !c || (c.passed !== true && !taken && c.locked_by.length === 0 && c.attempts_left !== 0);
   });
+}
+
+function Course({ row, person }) {
+  const { course, cells, exercises: list } = row;
+  const due = nextDue(list, cells);
+  const passed = cells.filter((c) => c.passed === true).length;
+  const next = nextOf(row);
   const nameOf = (id) => list.find((e) => e.id === id)?.name ?? id;
   return html`<section aria-label=${course.name}>
     <h2>${course.name} ${course.exam && html`<${Mark} kind="info">exam<//>`}</h2>

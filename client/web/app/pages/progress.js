@@ -7,6 +7,7 @@ import { measureText, rowTitle, shownUnit } from '../lib/measures.js';
 import { shownOf } from '../lib/units.js';
 import { moment } from '../lib/time.js';
 import { kCurves } from '../lib/tissue.js';
+import { trendOf } from '../lib/verdict.js';
 import { exercises, measures as measuresOfScores, people } from '../net/requests.js';
 import { Chart } from '../ui/chart.js';
 import { SelectField } from '../ui/fields.js';
@@ -52,12 +53,6 @@ function Curve({ attempts, measure, titleOf }) {
   return html`<${Chart} ...${drawn} points />`;
 }
 
-/** The server's sentence on a measure's course. */
-function Trend({ trends, measure }) {
-  const row = trends?.find((r) => r.measure === measure);
-  return row ? html`<p class="explained">${row.words}</p>` : null;
-}
-
 function Attempts({ name, exercise, total, measure, go, me }) {
   const pages = usePages((page, signal) => people.attempts(name, exercise, page, signal), [name, exercise]);
   return html`<${Loaded} load=${pages.load}>${() => html`
@@ -90,6 +85,7 @@ function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
     measure && measures.some(([name]) => name === measure)
       ? measure
       : (measures.find(([name]) => name === kMeasures.force)?.[0] ?? measures[0]?.[0]);
+  const trend = trends?.find((row) => row.measure === chosen);
   return html`
     ${
       chosen &&
@@ -97,8 +93,9 @@ function Shown({ attempts, total, trends, exercise, measure, go, me, reload }) {
         <div class="filters">
           <${SelectField} label="Measure" value=${chosen} options=${measures} onValue=${(m) => go(exercise, m)} />
         </div>
+        ${trend && html`<p class="judgement"><${Mark} kind=${trendOf(trend)[0]}>${trendOf(trend)[1]}<//></p>`}
         <${Curve} attempts=${[...attempts].reverse()} measure=${chosen} titleOf=${titleOf} />
-        <${Trend} trends=${trends} measure=${chosen} />
+        ${trend && html`<details><summary>How it was computed</summary><p class="explained">${trend.words}</p></details>`}
       `
     }
     <${Table}

@@ -11,7 +11,7 @@ import { SelectField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
 import { useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
-import { Empty, Heading, Loaded, Mark, usePages } from '../ui/widgets.js';
+import { Empty, Heading, Loaded, Mark, nameCells, usePages } from '../ui/widgets.js';
 
 /** The mark of a cell: [kind of mark, word]. */
 export function cellState(cell) {
@@ -76,7 +76,7 @@ function Matrix({ course, group }) {
       <//>`;
     const nameOf = (id) => exercises.find((e) => e.id === id)?.name ?? id;
     return html`
-    <div class="table-frame matrix" role="region" aria-label="Results" tabindex="0">
+    <div ref=${(frame) => nameCells(frame)} class="table-frame matrix" role="region" aria-label="Results" tabindex="0">
       <table>
         <caption>
           ${shownOf(rows.length, trainees, 'trainee')}, ${counted(exercises.length, 'exercise')}

@@ -4,10 +4,10 @@ import { words } from '../lib/units.js';
 import { connection, tryNow } from '../net/connection.js';
 import { logOut } from '../net/session.js';
 import { Dialog, notice, Problem } from './widgets.js';
-import { html, useEffect, useState } from './html.js';
+import { html, useEffect, useRef, useState } from './html.js';
 import { useAction, useEvery, useStore } from './hooks.js';
 
-/** [name, address, action, key after g] */
+/** [name, address, action, key after g, whether it is behind "More" where the menu is a row] */
 export const kSections = [
   ['Home', '#/', null, 'h'],
   ['My results', '#/mine', 'see own', 'm'],
@@ -19,10 +19,10 @@ export const kSections = [
   ['Results', '#/results', 'see results', 'r'],
   ['Sessions', '#/sessions', 'see sessions', 's'],
   ['Live lab', '#/live', 'see live', 'l'],
-  ['Exports', '#/exports', 'export', 'e'],
-  ['Retention', '#/retention', 'retention', 't'],
-  ['Audit', '#/audit', 'see audit', 'u'],
-  ['Upkeep', '#/upkeep', 'upkeep', 'k'],
+  ['Exports', '#/exports', 'export', 'e', true],
+  ['Retention', '#/retention', 'retention', 't', true],
+  ['Audit', '#/audit', 'see audit', 'u', true],
+  ['Upkeep', '#/upkeep', 'upkeep', 'k', true],
 ];
 
 /** Two keys within a second and a half: g, then the section's letter. Not while a person is typing. */
@@ -103,6 +103,50 @@ function Keys({ sections, close }) {
   <//>`;
 }
 
+/**
+ * The sections in a row, the seldom used ones behind "More"; on a phone and a tablet all of them behind "Menu". What
+ * opens closes by Escape, by a press elsewhere and when the page changes.
+ */
+function Menu({ sections, section }) {
+  const [open, setOpen] = useState('');
+  const element = useRef(null);
+  useEffect(() => {
+    if (!open) return undefined;
+    const close = (event) => {
+      const stays = event.type === 'pointerdown' && element.current.contains(event.target);
+      if (stays || (event.type === 'keydown' && event.key !== 'Escape')) return;
+      if (event.type === 'keydown') element.current.querySelector('[aria-expanded=true]')?.focus();
+      setOpen('');
+    };
+    const kinds = ['keydown', 'pointerdown', 'hashchange'];
+    for (const kind of kinds) addEventListener(kind, close);
+    return () => kinds.forEach((kind) => removeEventListener(kind, close));
+  }, [open]);
+  const toggle = (name) => html`<button
+    type="button"
+    class=${`opens-${name.toLowerCase()}`}
+    aria-expanded=${open === name}
+    onClick=${() => setOpen(open === name ? '' : name)}
+  >
+    ${name}
+  </button>`;
+  const link = ([name, address]) => html`<li>
+    <a href=${address} aria-current=${name === section ? 'page' : undefined}>${name}</a>
+  </li>`;
+  const more = sections.filter((one) => one[4]);
+  return html`<nav aria-label="Sections" ref=${element}>
+    ${toggle('Menu')}
+    <ul class=${open === 'Menu' ? 'open' : ''}>
+      ${sections.filter((one) => !one[4]).map(link)}
+      ${more.length === 1 && link(more[0])}
+      ${more.length > 1 && html`<li class="more">${toggle('More')}<ul class=${open === 'More' ? 'open' : ''}>${more.map(link)}</ul></li>`}
+      <li class="account">
+        <a href="#/account">My account</a>
+      </li>
+    </ul>
+  </nav>`;
+}
+
 /** @param {{person: import('../net/session.js').Person, section?: string, children: any}} props */
 export function Shell({ person, section, children }) {
   const sections = kSections.filter(([, , action]) => !action || may(person.role, action));
@@ -119,16 +163,10 @@ export function Shell({ person, section, children }) {
     <${AwayBanner} />
     <header class="top">
       <a class="brand" href="#/">needlelab</a>
-      <nav aria-label="Sections">
-        <ul>${sections.map(
-          ([name, address]) => html`<li>
-            <a href=${address} aria-current=${name === section ? 'page' : undefined}>${name}</a>
-          </li>`,
-        )}</ul>
-      </nav>
+      <${Menu} sections=${sections} section=${section} />
       <div class="who">
-        <a href="#/account">${person.full_name || person.name}</a> <span class="role">${words(person.role)}</span>
-        <button type="button" onClick=${() => setHelp(true)} aria-label="Keyboard shortcuts">?</button>
+        <p><a href="#/account">${person.full_name || person.name}</a> <span class="role">${words(person.role)}</span></p>
+        <button type="button" class="keys-button" onClick=${() => setHelp(true)} aria-label="Keyboard shortcuts">?</button>
         <button type="button" disabled=${leaving.busy} onClick=${() => leaving.run(logOut)}>Log out</button>
       </div>
     </header>

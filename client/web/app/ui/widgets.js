@@ -68,12 +68,35 @@ export function Mark({ kind, children }) {
 /** The head of a column of numbers, which are aligned right. */
 export const number = (text) => ({ text, right: true });
 
+const kTableRoles = { table: 'table', thead: 'rowgroup', tbody: 'rowgroup', tr: 'row', td: 'cell' };
+
+/**
+ * For a table's frame, each time it is drawn: gives each cell its column's name, which shows where rows are cards
+ * (style/parts.css), and the roles of a table, which browsers drop there.
+ * @param {HTMLElement|null} frame
+ */
+export function nameCells(frame) {
+  if (!frame) return;
+  const heads = [...frame.querySelectorAll('thead th')].map((th) =>
+    th.querySelector('.visually-hidden') ? '' : (th.firstChild?.textContent ?? '').trim(),
+  );
+  for (const [tag, role] of Object.entries(kTableRoles))
+    for (const one of frame.querySelectorAll(tag)) one.setAttribute('role', role);
+  for (const th of frame.querySelectorAll('th'))
+    th.setAttribute('role', th.scope === 'row' ? 'rowheader' : 'columnheader');
+  for (const row of frame.querySelectorAll('tbody tr'))
+    [...row.cells].forEach((cell, i) => {
+      const is_empty = !cell.textContent.trim() && !cell.querySelector('input');
+      cell.setAttribute('data-column', is_empty ? '' : (heads[i] ?? ''));
+    });
+}
+
 /**
  * A table that scrolls in its own frame, reachable by keyboard.
  * @param {{caption: string, head: any[], children: any, class?: string}} props
  */
 export function Table({ caption, head, children, class: name = '', hide_caption }) {
-  return html`<div class=${'table-frame ' + name} role="region" aria-label=${caption} tabindex="0">
+  return html`<div ref=${(frame) => nameCells(frame)} class=${'table-frame ' + name} role="region" aria-label=${caption} tabindex="0">
     <table>
       <caption class=${hide_caption ? 'visually-hidden' : ''}>${caption}</caption>
       <thead>
