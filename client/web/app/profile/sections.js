@@ -67,6 +67,7 @@ export function Force({ f }) {
       ${fields.map(([name, label]) => f.number(`${section}.${name}`, label))}
       ${choice && f.select(`${section}.${choice.name}`, choice.label, choice.options)}
       ${section === 'palpation' && f.select('palpation.landmark', 'Bone to find by feel', landmarks)}
+      ${section === 'palpation' && f.text('palpation.landmark_name', 'The part of it to find, as trainees call it')}
     </div>`;
   return html`<fieldset>
     <legend>Force</legend>
