@@ -140,6 +140,10 @@ Result<pb::Request> previewProfile(const WebRoute&, const WebCall& call) {
     ASSIGN_OR_RETURN(const auto number, wholeOf("points", text, 2, 2000));
     preview.set_points(static_cast<std::uint32_t>(number));
   }
+  if (const std::string text = call.query("to_depth_m"); !text.empty()) {
+    ASSIGN_OR_RETURN(const double number, numberOf("to_depth_m", text, 0.001, 1));
+    preview.set_to_depth_m(number);
+  }
   return request;
 }
 

@@ -161,18 +161,29 @@ test('a hazard is a ball, a line, or in a body a structure', () => {
 
 test('the editor lists the structures with their kinds, and what is aimed at or spared', () => {
   const f = formOf({ doc: lumbar, shape: kProfileShape, change: () => {}, problems: [] });
-  const [, ...rows] = elementsOf(Structures({ f }))
-    .filter((node) => node.type === 'tr')
-    .map((row) => row.props.children.map((cell) => textOf(cell).trim()));
-  assert.equal(rows.length, lumbar.volume.structures.length);
-  assert.deepEqual(rows[7], ['Epidural space', 'Fat', 'target: epidural space']);
-  assert.deepEqual(rows[8], ['Dura and arachnoid', 'Dura', 'hazard: dural sac']);
-  assert.deepEqual(rows[0], ['Skin', 'Skin', '']);
-  assert.match(textOf(Structures({ f })), /db\/samples\/volumes/);
+  const kept = [SelectField, TextField, NumberField, CheckField];
+  const drawn = elementsOf(Structures({ f, chosen: 7, choose: () => {} }), kept),
+    select = drawn.find(({ type }) => type === SelectField);
+  const words = select.props.options.map(([, text]) => text);
+  assert.equal(words.length, lumbar.volume.structures.length);
+  assert.equal(words[7], 'Epidural space (Fat; target: epidural space)');
+  assert.equal(words[8], 'Dura and arachnoid (Dura; hazard: dural sac)');
+  assert.equal(words[0], 'Skin');
+  assert.equal(select.props.value, '7');
+  assert.match(select.props.help, /db\/samples\/volumes/);
+  // its few fields are of the chosen one
+  const cutting = drawn.find(({ props }) => props?.label === 'Cutting force').props;
+  assert.deepEqual(
+    [cutting.path, cutting.value],
+    ['volume.structures[7].layer.cutting_force_n', lumbar.volume.structures[7].layer.cutting_force_n],
+  );
   // while its JSON is being typed
   for (const volume of [{}, null, 5, { structures: 5 }, { structures: [null, 5, { id: 5, layer: 'fat' }] }]) {
     const odd = formOf({ doc: { volume, targets: [{}] }, shape: kProfileShape, change: () => {}, problems: [] });
-    assert.doesNotThrow(() => elementsOf(Structures({ f: odd })), JSON.stringify(volume));
+    assert.doesNotThrow(
+      () => elementsOf(Structures({ f: odd, chosen: 1, choose: () => {} }), kept),
+      JSON.stringify(volume),
+    );
   }
 });
 

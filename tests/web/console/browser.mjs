@@ -141,6 +141,10 @@ export async function open(page, lab, hash, title) {
   await settled(page);
 }
 
+/** Opens everything that hides behind a title. */
+export const unfold = (page) =>
+  page.evaluate(() => document.querySelectorAll('form details').forEach((box) => box.setAttribute('open', '')));
+
 /** Waits until nothing is being loaded. */
 export async function settled(page) {
   await page.waitForFunction(() => !document.querySelector('.loading'));

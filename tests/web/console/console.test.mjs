@@ -9,6 +9,7 @@ import { Lab } from './lab.mjs';
 import { longLists } from './lists.mjs';
 import { malformed } from './malformed.mjs';
 import { roles } from './roles.mjs';
+import { shaping } from './shaping.mjs';
 import { trouble } from './trouble.mjs';
 import { upkeep } from './upkeep.mjs';
 import { api, week } from './week.mjs';
@@ -38,6 +39,7 @@ describe('the web console', { concurrency: false }, () => {
     trouble(t);
   });
   describe('bodies', () => bodies(t));
+  describe('shaping bodies', () => shaping(t));
   describe('malformed documents', () => malformed(t));
   describe('upkeep', () => upkeep(t));
   describe('home', () => home(t));

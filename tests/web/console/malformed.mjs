@@ -1,6 +1,6 @@
 // Documents whose JSON has values of wrong types: the editors show what they can, name each fault, and write nothing.
 import assert from 'node:assert/strict';
-import { accessible, confirmed, done, open, single } from './browser.mjs';
+import { accessible, confirmed, done, open, single, unfold } from './browser.mjs';
 import { api } from './week.mjs';
 
 /** Changes of a profile, and the faults that the editor names: field, and the beginning of the message. */
@@ -158,7 +158,7 @@ export function malformed(t) {
     const before = await api(page, `${kind}/${id}`);
     const problems = page.getByRole('status', { name: 'Problems of this form' });
     await problems.getByText('✓ No problems found').waitFor();
-    await page.getByText('The whole document as JSON').click();
+    await unfold(page);
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
     for (const [what, change, path, words] of cases) {
@@ -257,7 +257,7 @@ export function malformed(t) {
     const page = await t.browser.as('mara');
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
-    await page.getByText('The whole document as JSON').click();
+    await unfold(page);
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
     const odd = {
@@ -303,7 +303,7 @@ export function malformed(t) {
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
     const { revision } = await api(page, 'profiles/knee-adult');
-    await page.getByText('The whole document as JSON').click();
+    await unfold(page);
     const json = page.getByLabel('JSON', { exact: true }),
       name = page.getByLabel('Name', { exact: true }).first(),
       save = page.getByRole('button', { name: 'Save', exact: true });
@@ -354,7 +354,7 @@ export function malformed(t) {
 
     await open(page, t.lab, '#/courses/malformed');
     await name.fill('Of one');
-    await page.getByText('The whole document as JSON').click();
+    await unfold(page);
     await json.fill('{');
     await reason.waitFor();
     assert.ok(await save.isDisabled());
@@ -365,6 +365,7 @@ export function malformed(t) {
   it('a fidelity is that of the patient in the form: none while the engine is asked again', async () => {
     const page = await t.browser.as('mara');
     await open(page, t.lab, '#/profiles/knee-adult');
+    await unfold(page);
     const drawing = page.getByRole('img', { name: /^Side view of/ });
     await drawing.getByText(/φ/).first().waitFor();
     let answer;
@@ -390,7 +391,7 @@ export function malformed(t) {
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
     const others = await api(page, 'profiles/shoulder-adult');
-    await page.getByText('The whole document as JSON').click();
+    await unfold(page);
     const json = page.getByLabel('JSON', { exact: true });
     await json.fill(JSON.stringify({ ...JSON.parse(await json.inputValue()), id: 'shoulder-adult' }));
     await page.getByRole('button', { name: 'Save', exact: true }).click();
@@ -406,11 +407,11 @@ export function malformed(t) {
     page.expected.add(400);
     await open(page, t.lab, '#/profiles/knee-adult');
     const problems = page.getByRole('status', { name: 'Problems of this form' });
-    const beside = page.getByRole('complementary', { name: 'What it looks and feels like' });
+    const beside = page.getByRole('form', { name: 'Profile' });
     const scrolled = () => beside.evaluate((element) => element.scrollTop);
     const link = (path) => problems.getByRole('button', { name: path, exact: true });
     await problems.getByText('✓ No problems found').waitFor();
-    await page.getByText('The whole document as JSON').click();
+    await unfold(page);
     const json = page.getByLabel('JSON', { exact: true });
     const whole = JSON.parse(await json.inputValue());
     const last = `Layer ${whole.layers.length}, thickness`;
@@ -425,7 +426,7 @@ export function malformed(t) {
       await route.continue();
     });
     await json.fill(JSON.stringify({ ...whole, needle: 5 }));
-    // its answer makes the list shorter, and what stands beside the form cannot stay scrolled as far
+    // its answer makes the list shorter, and its column cannot stay scrolled as far
     await beside.evaluate((element) => (element.scrollTop = element.scrollHeight));
     await link('Needle').hover();
     const before = await scrolled();

@@ -1,6 +1,6 @@
 // Each role on each page: what it sees, what it can press, and what page and server refuse.
 import assert from 'node:assert/strict';
-import { done, settled, single } from './browser.mjs';
+import { done, settled, single, unfold } from './browser.mjs';
 import { api } from './week.mjs';
 
 const kRoles = { t: 'tina', i: 'ines', m: 'mara', a: 'ada', r: 'rhea' };
@@ -142,6 +142,7 @@ export function roles(t) {
         page.expected.delete(403);
         await heading.filter({ hasText: title }).waitFor();
         await settled(page);
+        await unfold(page);
         assert.deepEqual(await page.locator('.problem').allInnerTexts(), [], where);
         if (kOfNames.includes(path)) await hasNoIdentifier(page, where);
         for (const [words, by] of Object.entries(pressed)) {

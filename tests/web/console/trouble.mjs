@@ -1,6 +1,6 @@
 // Trouble in a lab: two managers edit at once, the server dies, a log-in ends. Nothing that was typed is lost.
 import assert from 'node:assert/strict';
-import { accessible, confirmed, done, open, single } from './browser.mjs';
+import { accessible, confirmed, done, open, single, unfold } from './browser.mjs';
 import { kPassword } from './lab.mjs';
 import { api } from './week.mjs';
 
@@ -19,6 +19,7 @@ export function trouble(t) {
     for (const page of [first, second]) {
       page.expected.add(409);
       await open(page, t.lab, '#/profiles/wrist-adult');
+      await unfold(page);
       await page
         .getByLabel(/^Thickness/)
         .first()
@@ -104,6 +105,7 @@ export function trouble(t) {
   it('a log-in that ended is asked for above the page, and the save continues', async () => {
     const page = await t.browser.as('milo');
     await open(page, t.lab, '#/profiles/shoulder-frail');
+    await unfold(page);
     await page.getByLabel('Name', { exact: true }).first().fill('Shoulder, very frail');
     // a new password ends every log-in of that person at once
     const ada = await t.browser.as('ada');
@@ -145,6 +147,7 @@ export function trouble(t) {
     const tile = live.getByRole('listitem', { name: 'Station station-1' });
     await tile.getByText('practising').waitFor();
     await open(page, t.lab, '#/profiles/shoulder-adult');
+    await unfold(page);
     await page
       .getByLabel(/^Thickness/)
       .first()
@@ -190,6 +193,7 @@ export function trouble(t) {
   it('a page that was closed while something was typed has it again', async () => {
     const page = await t.browser.as('mara');
     await open(page, t.lab, '#/profiles/shoulder-muscular');
+    await unfold(page);
     await page
       .getByLabel(/^Thickness/)
       .first()
@@ -198,6 +202,7 @@ export function trouble(t) {
     page.on('dialog', (dialog) => dialog.accept());
     await page.reload();
     await page.getByText('Your unsaved changes are back.').waitFor();
+    await unfold(page);
     assert.equal(
       await page
         .getByLabel(/^Thickness/)

@@ -1,7 +1,7 @@
 // A week of a course's manager in the browser, from the class list to the exported scores.
 import assert from 'node:assert/strict';
 import { isOfTissueNotMet, measureText } from '../../../client/web/app/lib/measures.js';
-import { accessible, chooseFrom, done, downloaded, open, printedPages, settled, story } from './browser.mjs';
+import { accessible, chooseFrom, done, downloaded, open, printedPages, settled, story, unfold } from './browser.mjs';
 import { until } from './lab.mjs';
 
 const kClass = ['anna.bauer', 'ben.osei', 'chen.li', 'dora.kovacs'];
@@ -81,6 +81,8 @@ export function week(t) {
   it('makes a patient from another one: drawing and force follow what is typed', async () => {
     await open(page, t.lab, '#/profiles', 'Patient profiles');
     await page.getByRole('link', { name: 'Make a copy of Knee, adult, median' }).click();
+    await page.getByLabel('Id', { exact: true }).waitFor();
+    await unfold(page);
     await page.getByLabel('Id', { exact: true }).fill('knee-autumn');
     await page.getByLabel('Name', { exact: true }).first().fill('Knee, autumn course');
     // the needle of 50 mm reaches so far
@@ -142,6 +144,7 @@ export function week(t) {
 
   it('refuses what cannot be while it is typed, and shows where', async () => {
     await page.getByRole('heading', { level: 1, name: 'Knee, autumn course' }).waitFor();
+    await unfold(page);
     const field = page.getByLabel(/^Cutting force/).nth(2);
     // an invalid profile has no force to draw
     page.expected.add(400);

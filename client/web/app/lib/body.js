@@ -102,11 +102,10 @@ export function areasOf(section) {
 }
 
 /**
- * The place of insertion: the skin in the middle of the cut.
+ * The skin at a column of the cut, the middle: the place of insertion.
  * @returns {{u: number, w: number}|undefined} from the upper left corner to the right and down; undefined: no skin there
  */
-export function entryIn(section) {
-  const middle = section.columns / 2;
+export function entryIn(section, middle = section.columns / 2) {
   let top = section.rows;
   for (const { index, x, y, length } of runsOf(section))
     if (index >= 0 && x <= middle && middle < x + length) top = Math.min(top, y);
@@ -123,6 +122,14 @@ export function inSection({ corner_m, across, upward, point_m, rows }, p) {
   const [a, b] = [across, upward];
   const out = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   return { u: along(a), w: rows * point_m - along(b), v: -along(out) };
+}
+
+/** The point of the profile's frame at a place of the cut: the inverse of `inSection`. */
+export function fromSection({ corner_m, across, upward, point_m, rows }, { u, w, v = 0 }) {
+  const [a, b] = [across, upward];
+  const out = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const at = (i) => corner_m[i] + a[i] * u + b[i] * (rows * point_m - w) - out[i] * v;
+  return { x: at(0), y: at(1), z: at(2) };
 }
 
 const kBeside_m = 0.002; // a tip farther from the cut than this is beside it

@@ -95,9 +95,9 @@ async function check(path, json, signal) {
 export const checkProfile = (json, signal) => check(['profiles', 'check'], json, signal);
 export const checkCourse = (json, signal) => check(['courses', 'check'], json, signal);
 
-/** Force over depth as the engine renders it; the profile's name does not matter. */
-export const previewProfile = (json, signal) =>
-  post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal });
+/** Force over depth as the engine renders it; the profile's name does not matter. `query`: points, to_depth_m. */
+export const previewProfile = (json, signal, query = {}) =>
+  post(['profiles', 'preview'], { ...json, id: json.id || 'new', name: json.name || 'new' }, { signal, query });
 
 export const measures = (signal) => getAll(['measures'], { signal });
 export const exercises = async (signal) =>

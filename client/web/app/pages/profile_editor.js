@@ -1,4 +1,4 @@
-// Edits a patient: the form on one side, the drawing and the force on the other.
+// Edits a patient: the drawing and the force on one side, the form on the other.
 import { may } from '../lib/roles.js';
 import { href } from '../lib/routes.js';
 import { layerBounds } from '../lib/scene.js';
@@ -10,14 +10,15 @@ import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
 import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
-import { released, useDebounced } from '../ui/hooks.js';
+import { draftOf, released, useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
 import { DangerButton, Heading, Mark, Problem } from '../ui/widgets.js';
-import { BodyView } from '../ui/body_view.js';
 import { Legend, SideView } from '../ui/section.js';
 import { DirectionFields, Hazards, LimbFields, Targets } from '../profile/anatomy.js';
 import { Layers } from '../profile/layers.js';
 import { Structures } from '../profile/structures.js';
+import { BodyLook } from '../profile/body_look.js';
+import { BodySliders } from '../profile/body_sliders.js';
 import { ForceOverDepth, usePreview } from '../profile/preview.js';
 import { Force, Naming, NeedleFields } from '../profile/sections.js';
 
@@ -128,6 +129,11 @@ export function SaveBar({ editing, save, what, bad, why, readonly }) {
   </div>`;
 }
 
+/** A part of the form behind its title. */
+function More({ title, open = false, children }) {
+  return html`<details class="more" open=${open}><summary>${title}</summary>${children}</details>`;
+}
+
 export function ProfileEditor({ params, query, person }) {
   const id = params.id ?? '',
     readonly = !may(person.role, 'edit profiles');
@@ -139,7 +145,9 @@ export function ProfileEditor({ params, query, person }) {
   const editing = useDocument('profiles', id, begin);
   const { doc } = editing;
   const { problems, checked, error: unchecked } = useCheck(doc, checkProfile);
-  const rendered = usePreview(doc);
+  const rendered = usePreview(doc?.volume ? null : doc);
+  const [chosen, setChosen] = useState(0);
+  const port = useRef({});
   const { why, onBad } = useBadFields();
   const save = async () => {
     if (readonly || why || !editing.dirty) return;
@@ -147,6 +155,13 @@ export function ProfileEditor({ params, query, person }) {
     if (saved?.revision && !id) location.hash = href(['profiles', doc.id]);
   };
   useSaveKey(save);
+  /** The changes go to a new profile, and this one stays. */
+  const copy = () => {
+    const other = { ...doc, id: `${id}-copy`, name: `${doc.name} (copy)` };
+    draftOf('profiles/new').write({ base: { revision: 0, json: {} }, doc: other });
+    editing.discard();
+    location.hash = href(['profiles-new'], { from: id });
+  };
   const title = id ? (editing.base?.json.name ?? id) : 'New profile';
   const above = html`<a href="#/profiles">Patient profiles</a>`;
   if (!doc)
@@ -168,58 +183,69 @@ export function ProfileEditor({ params, query, person }) {
   // a profile that is not or cannot be rendered has no fidelity: the last version's belongs to another patient
   const fidelity = rendered.error || rendered.stale ? undefined : rendered.preview?.layers?.map((l) => l.fidelity);
   return html`
-    <${Heading} title=${title} above=${above}>${
-      id && html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>`
-    }<//>
-    <${SaveBar} editing=${editing} save=${save} what="profile" why=${why} readonly=${readonly} />
-    <div class="editor-columns">
+    <div class="editor-head">
+      <${Heading} title=${title} above=${above}>${
+        id &&
+        html`<a class="button" href=${href(['profiles', id, 'revisions'])}>Revisions</a>
+          ${editing.dirty && !readonly && html`<button type="button" onClick=${copy}>Save as another …</button>`}`
+      }<//>
+      <${SaveBar} editing=${editing} save=${save} what="profile" why=${why} readonly=${readonly} />
+    </div>
+    <div class="editor-columns one-screen">
       <aside class="look" tabindex="0" aria-label="What it looks and feels like">
-        <section>
-          <h2>${profile.volume ? 'Cut through the body, to scale' : 'Side view, to scale'}</h2>
-          ${
-            profile.volume
-              ? rendered.preview?.section
-                ? html`<${BodyView}
-                    section=${rendered.preview.section}
-                    profile=${profile}
-                    label=${`Cut through ${profile.name || 'the body'} along the skin’s normal at the place of insertion`}
-                  />`
-                : html`<p class="help" role="status">${rendered.error?.message ?? 'Asking the server …'}</p>`
-              : html`<${SideView}
-            profile=${profile}
-            fidelity=${fidelity}
-            label=${`Side view of ${counted(profile.layers?.length ?? 0, 'layer')}, ${quantity(
-              layerBounds(profile).at(-1)?.to_m ?? 0,
-              'm',
-            )} deep in total`}
-          />`
-          }
-          <${Legend} profile=${profile} />
-          ${
-            !profile.volume &&
-            html`<p class="help">
-              φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.
-            </p>`
-          }
-        </section>
-        <section><h2>Force over depth</h2><${ForceOverDepth} ...${rendered} /></section>
-        ${(checked || f.problems.length > 0) && html`<${ProblemList} problems=${f.problems} />`}
-        ${!checked && unchecked && !readonly && html`<p class="warning wide">! Not checked: ${unchecked.message}</p>`}
         ${
-          f.problems.some((p) => p.severity === 'ERROR') &&
-          html`<p class="help wide">The server will refuse this profile until these are fixed.</p>`
+          profile.volume
+            ? html`<${BodyLook} f=${f} whole=${doc} of=${[id, query.from]} choose=${setChosen} port=${port} />`
+            : html`<section>
+                  <${SideView}
+                    profile=${profile}
+                    fidelity=${fidelity}
+                    height_px=${290}
+                    label=${`Side view of ${counted(profile.layers?.length ?? 0, 'layer')}, ${quantity(
+                      layerBounds(profile).at(-1)?.to_m ?? 0,
+                      'm',
+                    )} deep in total`}
+                  />
+                  <${Legend} profile=${profile} />
+                  <p class="help">
+                    φ: how much of the step in force into a layer can be felt, 0 to 1; “!” below 0.5.
+                  </p>
+                </section>
+                <${ForceOverDepth} ...${rendered} height=${170} />`
         }
       </aside>
       <form onSubmit=${(event) => event.preventDefault()} aria-label="Profile">
-        <${Naming} f=${f} is_new=${!id} />
-        ${profile.volume ? html`<${Structures} f=${f} />` : html`<${Layers} f=${f} />`}
-        <${NeedleFields} f=${f} />
-        ${!profile.volume && html`<${LimbFields} f=${f} />`}
-        <${DirectionFields} f=${f} />
-        <${Targets} f=${f} />
-        <${Hazards} f=${f} />
-        <${Force} f=${f} />
+        <${More} title="Patient" open=${!id}><${Naming} f=${f} is_new=${!id} /><//>
+        ${
+          profile.volume &&
+          html`<${BodySliders}
+          key=${editing.turn}
+          whole=${doc}
+          change=${editing.change}
+          port=${port}
+          readonly=${readonly}
+        />`
+        }
+        ${
+          profile.volume
+            ? html`<${Structures} f=${f} chosen=${chosen} choose=${setChosen} />`
+            : html`<${Layers} f=${f} />`
+        }
+        <${More} title="Needle"><${NeedleFields} f=${f} /><//>
+        ${!profile.volume && html`<${More} title="Limb"><${LimbFields} f=${f} /><//>`}
+        <${More} title="Targets"><${Targets} f=${f} /><//>
+        <${More} title="Hazards"><${Hazards} f=${f} /><//>
+        <${More} title="Directions"><${DirectionFields} f=${f} /><//>
+        <${More} title="Force"><${Force} f=${f} /><//>
         <${AsJson} whole=${doc} change=${editing.change} onBad=${onBad} turn=${editing.turn} readonly=${readonly} />
+        <div class="checked">
+          ${(checked || f.problems.length > 0) && html`<${ProblemList} problems=${f.problems} />`}
+          ${!checked && unchecked && !readonly && html`<p class="warning">! Not checked: ${unchecked.message}</p>`}
+          ${
+            f.problems.some((p) => p.severity === 'ERROR') &&
+            html`<p class="help">The server will refuse this profile until these are fixed.</p>`
+          }
+        </div>
       </form>
     </div>
     ${

@@ -24,6 +24,27 @@ export function Swatch({ color }) {
   </svg>`;
 }
 
+/** The membrane at the top of a layer or structure. @param {{f: any, path: string}} props `path`: the layer's */
+export function Membrane({ f, path }) {
+  const puncture = f.at(`${path}.puncture`);
+  return html`
+    <${CheckField}
+      label="Membrane that gives way"
+      checked=${!!puncture}
+      disabled=${f.readonly}
+      onValue=${(on) => f.set(`${path}.puncture`)(on ? { ...kPuncture } : undefined)}
+    />
+    ${
+      puncture &&
+      html`<div class="fields">
+        ${f.number(`${path}.puncture.linear_n_per_m`, 'Stiffness')}
+        ${f.number(`${path}.puncture.quadratic_n_per_m2`, 'Stiffening')}
+        ${f.number(`${path}.puncture.force_n`, 'Gives way at')}
+      </div>`
+    }
+  `;
+}
+
 /** @param {{f: any, i: number, layer: any, name: string}} props `name`: its usual name */
 function LayerFields({ f, i, layer, name }) {
   const model = kModels.find((one) => one.name === f.doc.axial_model);
@@ -43,20 +64,7 @@ function LayerFields({ f, i, layer, name }) {
       ${f.number(`layers[${i}].friction_n_per_m`, 'Shaft friction')}
       ${model?.follows_layers && f.number(`layers[${i}].wall_stiffness_n_per_m`, 'Wall stiffness, if its own')}
     </div>
-    <${CheckField}
-      label="Membrane that gives way"
-      checked=${!!layer.puncture}
-      disabled=${f.readonly}
-      onValue=${(on) => f.set(`layers[${i}].puncture`)(on ? { ...kPuncture } : undefined)}
-    />
-    ${
-      layer.puncture &&
-      html`<div class="fields">
-        ${f.number(`layers[${i}].puncture.linear_n_per_m`, 'Stiffness')}
-        ${f.number(`layers[${i}].puncture.quadratic_n_per_m2`, 'Stiffening')}
-        ${f.number(`layers[${i}].puncture.force_n`, 'Gives way at')}
-      </div>`
-    }
+    <${Membrane} f=${f} path=${`layers[${i}]`} />
     ${
       model?.layer_section &&
       html`<div class="fields">${model.fields.map(([field, label]) =>
@@ -71,7 +79,10 @@ export function Layers({ f }) {
   const names = layerNames(f.doc);
   // the document's own list: it keeps what the form cannot show
   const edit = (next) => f.edit('layers', (all = []) => next(all));
-  const add = (at, layer) => edit((all) => [...all.slice(0, at), layer, ...all.slice(at)]);
+  const add = (at, layer) => {
+    edit((all) => [...all.slice(0, at), layer, ...all.slice(at)]);
+    requestAnimationFrame(() => document.querySelector(`#layer-${at} details`)?.setAttribute('open', ''));
+  };
   const move = (from, to) => {
     if (to < 0 || to >= layers.length) return;
     edit((all) => moved(all, from, to));
@@ -141,7 +152,10 @@ export function Layers({ f }) {
             </div>`
           }
         </div>
-        ${f.faultAt(`layers[${i}]`) ? html`<${Broken} f=${f} path=${`layers[${i}]`} />` : html`<${LayerFields} f=${f} i=${i} layer=${layer} name=${names[i]} />`}
+        <details>
+          <summary>Cutting ${quantity(layer.cutting_force_n, 'N')}${layer.puncture ? ', membrane' : ''}</summary>
+          ${f.faultAt(`layers[${i}]`) ? html`<${Broken} f=${f} path=${`layers[${i}]`} />` : html`<${LayerFields} f=${f} i=${i} layer=${layer} name=${names[i]} />`}
+        </details>
       </li>`,
     )}</ol>
     ${

@@ -1,35 +1,45 @@
-// The structures of a body: only shown.
+// The structures of a body: one is chosen, here or in the section, and has a few fields.
 import { markOf } from '../lib/body.js';
 import { kindOf, layerColors, layerNames, profileLayers } from '../lib/tissue.js';
 import { atStart } from '../lib/units.js';
-import { Table } from '../ui/widgets.js';
-import { Broken } from '../ui/fields.js';
+import { Broken, SelectField } from '../ui/fields.js';
 import { html } from '../ui/html.js';
-import { Swatch } from './layers.js';
+import { Membrane, Swatch } from './layers.js';
 
-export function Structures({ f }) {
-  const colors = layerColors(f.doc),
-    layers = profileLayers(f.doc),
+/** @param {{f: any, chosen: number, choose: (index: number) => void}} props `chosen`: its place in the list */
+export function Structures({ f, chosen, choose }) {
+  const layers = profileLayers(f.doc),
     paths = ['volume', 'volume.structures', ...layers.map((_, i) => `volume.structures[${i}].layer`)];
-  const mark = (i) => {
-    const found = markOf(f.doc, i);
-    return found ? `${found.kind}: ${found.name}` : '';
+  const option = (name, i) => {
+    const kind = atStart(kindOf(f.doc.volume.structures[i]).words),
+      mark = markOf(f.doc, i);
+    const more = [kind.toLowerCase() !== name.toLowerCase() && kind, mark && `${mark.kind}: ${mark.name}`].filter(
+      Boolean,
+    );
+    return [String(i), `${atStart(name)}${more.length > 0 ? ` (${more.join('; ')})` : ''}`];
   };
+  const path = `volume.structures[${chosen}].layer`;
   return html`<fieldset>
-    <legend>Structures of the body</legend>
-    <p class="help">
-      Shapes and forces of a body are made by file, as in db/samples/volumes, and imported by “needlelab-admin profile
-      import FILE”.
-    </p>
-    ${paths.map((path) => html`<${Broken} f=${f} path=${path} />`)}
-    <${Table} caption="Structures, in the file’s order" hide_caption head=${['Structure', 'Kind', 'Target or hazard']}>${layerNames(
-      f.doc,
-    ).map(
-      (name, i) => html`<tr key=${i}>
-        <th scope="row"><${Swatch} color=${colors[i]} /> ${atStart(name)}</th>
-        <td>${atStart(kindOf(f.doc.volume.structures[i]).words)}</td>
-        <td>${mark(i)}</td>
-      </tr>`,
-    )}<//>
+    <legend><${Swatch} color=${layerColors(f.doc)[chosen]} /> Structure</legend>
+    ${paths.map((at) => html`<${Broken} f=${f} path=${at} />`)}
+    <${SelectField}
+      label="Chosen structure"
+      help="or click on it in the section; its shapes are made by file, as in db/samples/volumes"
+      value=${String(chosen)}
+      options=${layerNames(f.doc).map(option)}
+      onValue=${(i) => choose(Number(i))}
+    />
+    ${
+      layers[chosen] &&
+      !f.faultAt(path) &&
+      html`<div class="fields" key=${chosen}>
+          ${f.text(`${path}.name`, 'Name', { maxlength: 64 })}
+          ${f.number(`${path}.cutting_force_n`, 'Cutting force')}
+          ${f.number(`${path}.attracted_force_n`, 'Attracted force')}
+          ${f.number(`${path}.lateral_stiffness_n_per_m2`, 'Lateral stiffness')}
+          ${f.number(`${path}.friction_n_per_m`, 'Shaft friction')}
+        </div>
+        <${Membrane} key=${`membrane-${chosen}`} f=${f} path=${path} />`
+    }
   </fieldset>`;
 }

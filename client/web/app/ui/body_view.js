@@ -9,8 +9,8 @@ const kWidth = 640,
   kLetter_px = 6.6; // of a name, 12 px high
 
 /**
- * @param {{section: any, profile: any, label: string, over?: (at: {x: (u: number) => number, y: (w: number) => number, scale: number}) => any}} props
- *   `over` draws in pixels on top
+ * @param {{section: any, profile: any, label: string, over?: (at: {x: (u: number) => number, y: (w: number) => number, scale: number}) => any, onPick?: (index: number) => void}} props
+ *   `over` draws in pixels on top; `onPick`: a structure was clicked
  */
 export function BodyView(props) {
   const [place, room] = useWidth(kWidth);
@@ -18,8 +18,8 @@ export function BodyView(props) {
   return html`<${BodyDrawing} ...${props} ...${seen} place=${place} room=${room} />`;
 }
 
-/** @param {{section: any, profile: any, label: string, over?: any, areas: any[], entry: any, place: any, room: number}} props `room`: the width in pixels */
-export function BodyDrawing({ section, profile, label, over, areas, entry, place, room }) {
+/** @param {{section: any, profile: any, label: string, over?: any, onPick?: any, areas: any[], entry: any, place: any, room: number}} props `room`: the width in pixels */
+export function BodyDrawing({ section, profile, label, over, onPick, areas, entry, place, room }) {
   const marked = areas.map((area) => ({ ...area, mark: markOf(profile, area.index) }));
   const longest = Math.max(0, ...areas.map((area) => area.name.length)),
     width = Math.max(320, room),
@@ -56,10 +56,10 @@ export function BodyDrawing({ section, profile, label, over, areas, entry, place
       <g clip-path="url(#section-clip)">
         <g transform=${`scale(${point_px})`} shape-rendering="crispEdges">
           ${marked.map(
-            ({ path, color, name, mark }) => html`
+            ({ index, path, color, name, mark }) => html`<g onClick=${() => onPick?.(index)}>
               <path d=${path} fill=${color}><title>${name}</title></path>
               ${mark && html`<path d=${path} class=${`shape-${mark.kind}-area`}><title>${`${mark.kind}: ${mark.name}`}</title></path>`}
-            `,
+            </g>`,
           )}
         </g>
         <${Shapes} shapes=${shapes} areaOf=${areaOf} x=${x} y=${x} scale=${scale} />

@@ -159,12 +159,14 @@ export function CheckField({ label, checked, onValue, help, ...more }) {
   </div>`;
 }
 
-/** Opens the whole document as JSON (ui/as_json.js), for what no field can correct. */
-function focusJson() {
-  const json = document.querySelector('[data-path="json"]');
-  json?.closest('details')?.setAttribute('open', '');
-  json?.focus();
+/** Opens what hides a field, and goes there. @param {Element|null} field */
+function goTo(field) {
+  for (let box = field?.closest('details'); box; box = box.parentElement.closest('details')) box.open = true;
+  field?.focus();
 }
+
+/** Opens the whole document as JSON (ui/as_json.js), for what no field can correct. */
+const focusJson = () => goTo(document.querySelector('[data-path="json"]'));
 
 /** All problems of a form in one list, each with a link to its field, or to the JSON if it has none. */
 export function ProblemList({ problems }) {
@@ -173,11 +175,11 @@ export function ProblemList({ problems }) {
   const go = (path) => {
     // a vector or a group leads to its first field
     const inside = path && document.querySelector(`[data-path^="${CSS.escape(path)}."]`);
-    if (inside && !document.querySelector(`[data-path="${CSS.escape(path)}"]`)) return inside.focus();
+    if (inside && !document.querySelector(`[data-path="${CSS.escape(path)}"]`)) return goTo(inside);
     const parts = path.split(/(?=[.[])/);
     for (let n = parts.length; n > 0; n--) {
       const field = document.querySelector(`[data-path="${CSS.escape(parts.slice(0, n).join(''))}"]`);
-      if (field) return field.focus();
+      if (field) return goTo(field);
     }
     return focusJson();
   };

@@ -17,10 +17,10 @@ const sideways = ({ u, v, d }) => ({ u, w: d, v }),
 
 /**
  * The side view.
- * @param {{profile: any, frame?: any, fidelity?: (number|null)[], to_m?: number, label: string, over?: (at: {x: (u: number) => number, y: (d: number) => number, scale: number}) => any}} props
+ * @param {{profile: any, frame?: any, fidelity?: (number|null)[], to_m?: number, height_px?: number, label: string, over?: (at: {x: (u: number) => number, y: (d: number) => number, scale: number}) => any}} props
  *   `over` draws in pixels on top
  */
-export function SideView({ profile, frame: given, fidelity, to_m, label, over }) {
+export function SideView({ profile, frame: given, fidelity, to_m, height_px = kHeight, label, over }) {
   // drawn at the element's own width: letters keep their size
   const [place, room] = useWidth(kWidth);
   const width = Math.max(320, room);
@@ -31,14 +31,14 @@ export function SideView({ profile, frame: given, fidelity, to_m, label, over })
     const bottom_m = Math.max(0.01, to_m ?? 0, layers.at(-1)?.to_m ?? 0),
       height_m = bottom_m + kTop_m;
     const { texts, width_px } = layerLabels(layers, fidelity, kLabels, Math.max(kLabels, width / 2));
-    const scale = Math.min(kHeight / height_m, (width - width_px) / 0.02);
+    const scale = Math.min(height_px / height_m, (width - width_px) / 0.02);
     const half_m = (width - width_px) / scale / 2;
     const window = { from_u: -half_m, to_u: half_m, from_d: -kTop_m, to_d: bottom_m };
     const lines = layers.map((l) => levelLine(depth, frame, l.from_m, window));
     const shapes = shapesOf(placed(profile), (p) => sideways(inFrame(frame, p)), true);
     return { layers, bottom_m, scale, half_m, height: height_m * scale, lines, shapes, texts };
     // the numbers, because the page makes a new list each time
-  }, [profile, given, to_m, width, fidelity?.join()]);
+  }, [profile, given, to_m, width, height_px, fidelity?.join()]);
   const { texts, layers, scale, half_m, height, lines, shapes, bottom_m } = drawn;
   const x = (u) => (u + half_m) * scale,
     y = (d) => (d + kTop_m) * scale;

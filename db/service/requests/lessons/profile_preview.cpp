@@ -13,6 +13,7 @@
 #include "common/haptics/engine.h"
 #include "common/haptics/surface.h"
 #include "common/profile/layer_names.h"
+#include "common/profile/planned_line.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/profile/structure_kinds.h"
@@ -28,19 +29,24 @@ constexpr double kPreviewRate_hz = 1000;
 constexpr double kPreviewLead_m = 0.005;  // start of the needle's path, outside the skin
 
 struct PreviewEntry {
-  Vec3 point_m, normal;
+  Vec3 point_m, normal;  ///< `normal`: against the needle
 };
 
 /// The needle's entry: a point on the surface (the topmost one if the shape has one; in a volume the one
-/// nearest to the origin of L) and its normal.
-PreviewEntry entryOf(const Limb& limb) {
+/// nearest to the origin of L) and its normal. In a volume the needle goes to the first target's point, if
+/// that lies steeply enough under the skin.
+PreviewEntry entryOf(const Limb& limb, const pb::Profile& profile) {
   const Vec3 up{0, 0, 1};
   if (const auto* plane = std::get_if<PlaneLimb>(&limb)) return {plane->point_m, normalized(plane->normal)};
   if (const auto* sphere = std::get_if<SphereLimb>(&limb))
     return {sphere->center_m + sphere->radius_m * up, up};
   if (const auto* body = std::get_if<BodyLimb>(&limb)) {
     const Vec3 skin = nearestSkin(limb, body->X_WL.p, -up);
-    return {skin, surfaceNormal(limb, skin, -up)};
+    const Vec3 normal = surfaceNormal(limb, skin, -up);
+    if (profile.targets_size() == 0 || !profile.targets(0).has_center_m()) return {skin, normal};
+    const Vec3 back = skin - body->X_WL * vectorOf(profile.targets(0).center_m());
+    const bool steep = dot(back, normal) > std::sin(kMinPlanSlope_rad) * norm(back);
+    return {skin, steep ? normalized(back) : normal};
   }
   const auto& capsule = std::get<CapsuleLimb>(limb);
   const Vec3 axis = normalized(capsule.b_m - capsule.a_m);
@@ -135,7 +141,7 @@ Result<pb::Reply> previewProfile(const Context& context, const pb::PreviewProfil
   const auto model = compile(*spec, kPreviewRate_hz);
   if (!model) return model.error();
 
-  const PreviewEntry entry = entryOf(spec->limb);
+  const PreviewEntry entry = entryOf(spec->limb, *profile);
   const std::vector<MetLayer> met = layersMet(*spec, entry);
   const double bottom_m = met.empty() ? spec->needle_length_m : met.back().to_m;
   const double deepest_m =

@@ -739,6 +739,7 @@ TEST_F(Teaching, thePreviewOfAVolumeIsThatOfTheBallOfLayers) {
   // boundaries between two ticks, which are whole micrometres apart
   nlohmann::json layers = test::ballOfLayers(), rules = test::ballOfRules();
   layers["layers"][0]["thickness_m"] = 0.0030037;
+  rules.erase("targets");  // straight in, as through layers
   nlohmann::json& written = rules["volume"]["rules"];
   written[0]["from_m"] = written[1]["to_m"] = -0.0030037;
   written[1]["from_m"] = -0.0090037;
@@ -755,6 +756,29 @@ TEST_F(Teaching, thePreviewOfAVolumeIsThatOfTheBallOfLayers) {
     EXPECT_EQ(found.layers(i).name(), expected.layers(i).name());
     EXPECT_NEAR(found.layers(i).from_m(), expected.layers(i).from_m(), 1e-6);
   }
+}
+
+TEST_F(Teaching, thePreviewOfABodyGoesFromItsEntryToItsFirstTarget) {
+  nlohmann::json ball = test::ballOfRules();
+  const Vec3 target_m{0.01, 0, -0.02}, center_m{0, 0, -0.05};
+  ball["targets"] = nlohmann::json::parse(
+      R"([{"name": "aside", "center_m": {"x": 0.01, "y": 0, "z": -0.02}, "radius_m": 0.002}])");
+  pb::Request request;
+  request.mutable_preview_profile()->set_json(ball.dump());
+  const auto found = get(instructor, request).profile_preview();
+  ASSERT_EQ(found.layers_size(), 3);
+  // where a line from the top of the ball meets the balls within it
+  const double along_m = dot(normalized(target_m), center_m);
+  const auto meets_m = [&](double radius_m) {
+    return along_m - std::sqrt(along_m * along_m - dot(center_m, center_m) + radius_m * radius_m);
+  };
+  EXPECT_NEAR(found.layers(1).from_m(), meets_m(0.047), 1e-5);
+  EXPECT_NEAR(found.layers(2).from_m(), meets_m(0.041), 1e-5);
+  EXPECT_GT(found.layers(2).from_m(), 0.0095) << "longer than straight in, 9 mm";
+  // nearly along the skin no needle is led: straight in
+  ball["targets"][0]["center_m"] = {{"x", 0.04}, {"y", 0}, {"z", -0.001}};
+  request.mutable_preview_profile()->set_json(ball.dump());
+  EXPECT_NEAR(get(instructor, request).profile_preview().layers(2).from_m(), 0.009, 1e-5);
 }
 
 TEST_F(Teaching, thePreviewIsWhatTheEngineRenders) {
