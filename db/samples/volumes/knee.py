@@ -273,7 +273,8 @@ def volume(p):
     looks(v, p, k)
     bones(v, p, k)
     soft(v, p, k)
-    v.go_on(("artery", "vein", "nerve"), 0, k.at(-100, 0, 0)[0], -160)
+    v.go_on(("artery", "vein", "nerve", "femur", "vastus", "muscles"), 0, -100, -180)
+    v.go_on(("artery", "vein", "nerve"), 0, k.joint + 70, 200)
     share = FORCES[p.build]
     for id, made in LAYERS.items():
         v.structure(id, NAMES[id], softened(made, share))

@@ -181,11 +181,12 @@ def canal(v, p, spine):
     for y, down, radius in ((0, 3, 3), (-2.5, 6, 4.2), (2.5, 6, 4.2)):  # the gable between the flava
         v.tube("canal", spine.line(y, -p.depth - down, radius))
     for y, dz in ((-4.5, 1), (-2.6, 3.4), (-1.6, -1), (1.8, -3), (2.4, 3.2), (4.6, 0.5), (-4.2, -2.6), (0.8, 0.2)):
-        v.tube("roots", spine.line(y, z + dz, 0.75, (-88, -20, 20, 88)))
-    for arc in list(spine.levels.values())[:3]:                     # each leaves below its own pedicle
+        (first, *_), *middle, (last, *_) = line = spine.line(y, z + dz, 0.75, (-88, -20, 20, 88))
+        v.tube("roots", [(first, 0.3 * y, line[0][2] - 0.7 * dz, 0.75), *middle, (last, 0.5 * y, line[-1][2] - 0.5 * dz, 0.75)])
+    for arc in list(spine.levels.values())[:3]:                     # each leaves below its own pedicle, for the plexus in the psoas
         for side in (-1, 1):
             v.tube("roots", [(*spine.at(arc, -4, side * 6, z), 1.2), (*spine.at(arc, 5, side * 15, z - 3), 2.6),
-                             (*spine.at(arc, 16, side * 27, z - 10), 2)])
+                             (*spine.at(arc, 70, side * 43, spine.body - 8), 0.8)])
 
 
 def around(v, p, spine):
@@ -194,18 +195,18 @@ def around(v, p, spine):
     height = math.sqrt(whole ** 2 - p.furrow ** 2)
     flank = 0.5 * p.waist
 
-    def along(group, y, z, radius, blend=0):
+    def along(group, y, z, radius, blend=0, end=200):  # muscles leave the picture
         for side in (-1, 1):
-            v.capsule(group, (-90, side * y, z), (90, side * y, z), radius, blend=blend)
+            v.capsule(group, (-end, side * y, z), (end, side * y, z), radius, blend=blend)
     v.capsule("skin", (-90, -p.furrow, -height), (90, -p.furrow, -height), p.ridge)
     v.capsule("skin", (-90, p.furrow, -height), (90, p.furrow, -height), p.ridge, blend=16)
-    along("skin", p.waist - flank, -flank - 24, flank, 30)
+    along("skin", p.waist - flank, -flank - 24, flank, 30, end=90)
     v.capsule("skin", (-90, 0, -1.05 * p.waist), (90, 0, -1.05 * p.waist), 0.7 * p.waist, blend=30)
     along("multifidus", 15, 0.5 * (back - p.depth) - 3, 13)
     along("erector", 42, back - 23, 20)
     along("erector", 60, back - 29, 15, 12)
     for side in (-1, 1):
-        v.capsule("psoas", (-90, side * 31, spine.body), (90, side * 46, spine.body - 12), 14, 22)
+        v.capsule("psoas", (-90, side * 31, spine.body), (198, side * 55, spine.body - 19.2), 14, 26.8)
     v.half_space("midline", (0, 0, 0), (0, 1, 0))
     v.half_space("levels", (0, 0, 0), (1, 0, 0))
     v.half_space("behind", (0, 0, -p.depth - 11), (0, 0, 1))

@@ -123,6 +123,7 @@ def bones(v, p, q):
     v.ellipsoid("humerus", at(20, 1, 10), (7 * s, 10 * s, 7.5 * s), blend=6 * s)           # lesser tubercle
     v.capsule("humerus", at(0, -3, 4), at(0, -46, 6.5), 20 * s, 12.5 * s, blend=10 * s)
     v.capsule("humerus", at(0, -46, 6.5), (0, hy - 150, hz + 5), 12.5 * s, 11 * s, blend=4 * s)
+    v.capsule("humerus", (0, hy - 150, hz + 5), (0, hy - 230, hz + 4), 11 * s)
     v.ball("head", q.head, r)
 
     # acromion: a plate between two rounded edges, the front a little lower
@@ -183,17 +184,22 @@ def soft(v, p, q):
     groove = [(*beside(v, "humerus", at(x, y, z), (x, 0, z), 1.6), 2.4)  # shallow: 0.8 mm
               for x, y, z in ((13, 18 * over, 10), (14.5, 12, 16), (15.5, 6, 21), (15, -7, 20.5), (13, -20, 19.5))]
     v.tube("biceps", [(*at(2, 20, -27), 2.2), (*at(8, 23 * over, -4), 2.3), *groove, (16, hy - 60, hz + 16, 2.8),
-                      (24, hy - 100, hz + 14, 7)])
+                      (24, hy - 100, hz + 14, 7), (24, hy - 220, hz + 10, 9)])
     # around the surgical neck, on the deltoid's inner face
     n, w, z = q.nerve, 0.46 * r + 7, hz + 5 * s
-    ring = [(-4, -14, -1.7), (-w, 2, -0.55), (-w * 0.95, 3, 0.35), (-w * 0.5, 1, 0.95), (2, 0, 1.05), (w * 0.62, -1, 0.85),
-            (w, -2, 0.2)]
-    for group, shift, thick in (("nerve", 0, (2, 2, 1.8, 1.6, 1.4, 1.2, 1)), ("artery", -5.5, (2.2, 2, 1.8, 1.6, 1.4, 1.2, 1))):
-        v.tube(group, [(x, n + dy + shift, z + k * w, t) for (x, dy, k), t in zip(ring, thick)])
-    v.tube("nerve", [(2, n, z + 1.05 * w, 1.2), (6, n + 9, z + 1.15 * w, 0.8)])
-    v.tube("artery", [(*at(22, -14, -46), 3.4), (8, hy - 50, hz - 20 * s, 3.2), (2, hy - 150, hz - 16 * s, 2.4)])
-    v.tube("vein", [(*at(31, 22, -12), 1.8), (30 * s, hy - 10, hz + 22 * s, 1.8), (24 * s, hy - 60, hz + 28 * s, 1.6),
-                    (26 * s, hy - 140, hz + 20 * s, 1.6)])
+    ring = [(-4, -14, -1.7), (-w, 2, -0.55), (-w * 0.95, 3, 0.35), (-w * 0.5, 1, 0.95), (2, 0, 1.1), (w * 0.78, -1, 1.14),
+            (w * 1.35, -2, 0.45)]  # outside of the tendon in its groove
+    from_plexus = [(*at(6, 10, -140), 3), (*at(10, -16, -66), 2.6)]
+    around = [(*at(11, -43, -25), 2.4), (0.8 * w, n - 9, z - 0.8 * w, 1.8)]  # the arteries' ring is closed at the axillary artery
+    for group, shift, thick, begins, ends in (("nerve", 0, (2, 2, 1.8, 1.6, 1.5, 1.4, 1.3), from_plexus, []),
+                                              ("artery", -5.5, (2.2, 2, 1.8, 1.8, 1.8, 1.8, 1.8), around[:1], around[::-1])):
+        v.tube(group, [*begins, *((x, n + dy + shift, z + k * w, t) for (x, dy, k), t in zip(ring, thick)), *ends])
+    v.tube("nerve", [(2, n, z + 1.05 * w, 1.5), (6, n + 9, z + 1.15 * w, 1.2)])
+    v.tube("artery", [(*at(8, 18, -140), 4.2), (*at(20, 0, -78), 3.8), (*at(22, -14, -46), 3.4), (8, hy - 50, hz - 20 * s, 3.2),
+                      (2, hy - 150, hz - 16 * s, 2.4), (0, hy - 230, hz - 14 * s, 2.2)])
+    # to the axillary vein, in front of the coracoid
+    v.tube("vein", [(*at(20, 16, -140), 3), (*at(36, 10, -56), 2.4), (*at(41, 20, -24), 1.9), (30 * s, hy - 10, hz + 22 * s, 1.8),
+                    (24 * s, hy - 60, hz + 28 * s, 1.6), (36 * s, hy - 140, hz + 26 * s, 1.6), (38 * s, hy - 230, hz + 24 * s, 1.6)])
 
 
 def skins(v, p, q):

@@ -145,16 +145,19 @@ def tendons(v, p):
     for flexors, sink, over in ((superficial, -0.5, 2.2 * r + 0.4), (profundus, 0.3, -0.6)):
         for y, down, palm, k in flexors:
             z = top - down
+            finger = (114, 1.2 * palm * s, top - p.depth + 7.4, 0.3) if sink < 0 else (132, 1.45 * palm * s, top - p.depth + 5, 0.3)
             v.tube("tendons", [(-78, 1.1 * y * s, z - sink, 1.2 * k * r), (-16, 1.08 * y * s, z, k * r), (30 * s, y * s, z, k * r),
-                               (82, palm * s, top - p.depth + 3 + over, k * r)])
+                               (82, palm * s, top - p.depth + 3 + over, k * r), finger])
     v.tube("tendons", [(-78, 13 * s, top - 0.8 * p.depth, 1.4 * r), (-16, 9.6 * s, top - 0.55 * p.depth, 0.9 * r),
-                       (24 * s, 8.8 * s, top - 0.61 * p.depth, 0.9 * r), (66, 37 * s, top - p.depth + 12.6 * s + r, 0.9 * r)])     # flexor pollicis longus
+                       (24 * s, 8.8 * s, top - 0.61 * p.depth, 0.9 * r), (66, 37 * s, top - p.depth + 12.6 * s + r, 0.9 * r),
+                       (102, 60 * s, top - p.depth + 15.5, 0.4)])            # flexor pollicis longus
     y, z = nerve_at(p)
     thin = 0.5 * p.nerve_thickness
     for k in (0, -1, 1):
         spread = k * (0.5 * p.nerve_width - thin)
         v.tube("nerve", [(-78, y + 5.4 + 0.5 * spread, z - 5, 1.5 * thin), (-22, y + 3.2 + 0.7 * spread, z - 0.8, 1.2 * thin),
-                         (-6, y + spread, z - 0.3, thin), (33 * s, y + spread, z, thin), (60, y + 4 * spread, z - 1.2, 0.8 * thin)])
+                         (-6, y + spread, z - 0.3, thin), (33 * s, y + spread, z, thin), (60, y + 4 * spread + 1, z - 0.4, 1),
+                         (86, y + 8 * spread + 6, z - 1.6, 1)])
     # superficial to the ligament: palmaris longus; flexors of the wrist
     flat = 0.36 * p.fat
     for dy in (-0.9, 0, 0.9):
@@ -167,18 +170,18 @@ def tendons(v, p):
     v.tube("wrist-flexors", [(-78, -16 * s, top - 4, 4 * s), (-16, -14.2 * s, top - 3, 2.3 * s), (-1.3 * s, -13.8 * s, over - 2, 1.6 * s)])
     back = -p.thick + p.skin + p.fat + 1.7
     for y, x in ((15, 30), (9, 40), (3, 70), (-2, 75), (-7, 75), (-14, 70)):
-        v.tube("extensors", [(-78, 0.9 * y * s, back + 0.6, 1.6), (0, 0.85 * y * s, back - 0.6, 1.3), (x, 1.25 * y * s, back + 3, 1.1)])
+        v.tube("extensors", [(-78, 0.9 * y * s, back + 0.6, 1.6), (0, 0.85 * y * s, back - 0.6, 1.3), (x, 1.25 * y * s, back + 3, 0.7)])
 
 
 def vessels(v, p):
     s, top = p.arch / 25.7, roof(p)
     y, z = artery(p)
     v.tube("artery", [(-78, -12.5 * s, top - 5, 1.5), (-16, y - 2, z - 3.4, 1.3), (0, y - 0.6, z - 0.7, 1.2), (10, y, z, 1.2),
-                      (24, y + 1, z - 0.4, 1.1), (40, y + 5, z - 3.6, 1), (47, 3, z - 4.2, 0.8)])
+                      (24, y + 1, z - 0.4, 1.1), (40, y + 5, z - 3.6, 1), (47, 3, z - 4.2, 0.8), (46, 18 * s, z - 4.6, 0.7)])  # the arch
     v.tube("ulnar-nerve", [(-78, -14.5 * s, top - 8, 1.5), (-16, y - 3.2, z - 5.2, 1.3), (0, y - 2.9, z - 2.1, 1.25),
-                           (10, y - 2.5, z - 1.5, 1.2), (24, y - 1.7, z - 1.7, 1.1), (44, y - 7, z - 5, 0.8)])
+                           (10, y - 2.5, z - 1.5, 1.2), (24, y - 1.7, z - 1.7, 1.1), (44, y - 7, z - 5, 1.1), (66, y - 11, z - 8, 1)])
     v.tube("radial-artery", [(-78, 15 * s, top - 4, 1.5), (-14, 16.8 * s, top - 2.6, 1.3), (-2, 20.5 * s, top - 9, 1.2),
-                             (14, 19.5 * s, top - 20, 1.1)])
+                             (14, 19.5 * s, top - 20, 1.1), (30, 17.5 * s, top - 22, 0.8)])
 
 
 def around(v, p):
