@@ -280,7 +280,7 @@ def volume(p):
 REGION = dict(
     id="lumbar", name="Lumbar spine", title="epidural space at L3-L4",
     needle={"slender": (0.09, 18), "median": (0.09, 18), "heavy": (0.12, 18)}, tip=("TUOHY", None),
-    fixture={"slender": 2, "median": 2.5, "heavy": 2.2}, cut_memory=True, landmark="l4", unfelt=("heavy",),
+    fixture={"slender": 2, "median": 2.5, "heavy": 2.2}, cut_memory=True, landmark="l4", landmark_name="spinous process", unfelt=("heavy",),
     directions={"plus_x": "towards the feet", "minus_x": "towards the head", "plus_y": "to the patient's right",
                 "minus_y": "to the patient's left", "plus_z": "out of the back", "minus_z": "to the front"},
     description="Midline approach to the epidural space between L3 and L4. x towards the feet, y to the patient's right, z out of the "

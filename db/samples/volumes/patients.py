@@ -78,7 +78,8 @@ def profile(region, build):
     return {**made, "bone": {"stiffness_n_per_m": 600, "friction_coefficient": 0.3}, "hub": {"stiffness_n_per_m": 200},
             "directions": region.directions, "volume": region.volume(p).json(),
             "palpation": {"skin_stiffness_n_per_m": 105, "bone_stiffness_n_per_m": 600, "friction_coefficient": 0.3, "radius_m": 0.003,
-                          **({} if build in getattr(region, "unfelt", ()) else {"landmark": region.landmark}), "stiffening_share": 0.5}}
+                          **({} if build in getattr(region, "unfelt", ()) else {name: getattr(region, name) for name in ("landmark", "landmark_name")
+                                                                               if hasattr(region, name)}), "stiffening_share": 0.5}}
 
 
 def paths(region, build):

@@ -279,7 +279,7 @@ def volume(p):
 REGION = dict(
     id="shoulder", name="Shoulder", title="subacromial bursa from the side",
     needle={"slender": (0.05, 23), "median": (0.06, 22), "heavy": (0.08, 21)}, tip=("HYPODERMIC", 0.3),
-    fixture={"slender": 1.5, "median": 2.2, "heavy": 2}, cut_memory=False, landmark="scapula",
+    fixture={"slender": 1.5, "median": 2.2, "heavy": 2}, cut_memory=False, landmark="scapula", landmark_name="acromion",
     directions={"plus_x": "to the front", "minus_x": "to the back", "plus_y": "towards the head", "minus_y": "down the arm",
                 "plus_z": "outwards", "minus_z": "towards the chest"},
     description="Right shoulder, from the side: below the acromion's edge and upwards by 10°. x to the front, y towards the head, "
