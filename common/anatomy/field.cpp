@@ -177,7 +177,10 @@ double Field::skinDistance(Vec3 p_m) const noexcept {
 
 double Field::structuresDistance(StructureMask mask, Vec3 p_m) const noexcept {
   Distances distances;
-  distancesAt(p_m, distances);
+  std::fill_n(distances.begin(), groups_, kFar_m);
+  const GroupMask groups = groupsOf(mask);
+  for (const Part& part : parts_)
+    if ((groups >> part.group & 1u) != 0) join(part, p_m, distances);
   return joined(mask, distances);
 }
 
@@ -304,15 +307,18 @@ Field::InBall Field::inBall(Vec3 center_m, double radius_m) const noexcept {
   return inBallOf(~GroupMask{0}, center_m, radius_m);
 }
 
-Field::InBall Field::inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept {
+Field::GroupMask Field::groupsOf(StructureMask mask) const noexcept {
   GroupMask groups = GroupMask{1} << skin_;
-  if (!isWhole(mask)) {
-    for (const Rule& rule : rules_) {
-      if ((mask >> rest_ & 1u) == 0 && (rule.from_here & mask) == 0) break;
-      for (std::size_t i = 0; i < rule.count; ++i) groups |= GroupMask{1} << rule.ranges[i].group;
-    }
+  if (isWhole(mask)) return groups;
+  for (const Rule& rule : rules_) {
+    if ((mask >> rest_ & 1u) == 0 && (rule.from_here & mask) == 0) break;
+    for (std::size_t i = 0; i < rule.count; ++i) groups |= GroupMask{1} << rule.ranges[i].group;
   }
-  return inBallOf(groups, center_m, radius_m);
+  return groups;
+}
+
+Field::InBall Field::inBall(Vec3 center_m, double radius_m, StructureMask mask) const noexcept {
+  return inBallOf(groupsOf(mask), center_m, radius_m);
 }
 
 Field::InBall Field::InBall::inBall(Vec3 center_m, double radius_m) const noexcept {

@@ -237,6 +237,8 @@ class Field {
                               const std::array<Number, kMaxFieldGroups>& distances) const noexcept;
   [[nodiscard]] FieldBox boxAround(std::size_t group, double beyond_m) const noexcept;
   [[nodiscard]] bool isWhole(StructureMask mask) const noexcept;
+  /// The groups that structuresDistance of the mask looks at.
+  [[nodiscard]] GroupMask groupsOf(StructureMask mask) const noexcept;
   [[nodiscard]] InBall inBallOf(GroupMask groups, Vec3 center_m, double radius_m) const noexcept;
   /// `far`, `deep`: groups that are so far from the point, or around it, that they decide nothing.
   [[nodiscard]] FieldPoint judge(const Distances& distances, GroupMask far = 0,

@@ -8,11 +8,11 @@
 namespace needlelab {
 namespace {
 
-constexpr int kBlock = 8;  // cells along the edge of a block, which has its own list of parts
+constexpr int kBlock = 8;  // cells along the edge of a block, which has its own list of parts; a power of 2
 constexpr int kLeaf = 2;   // cells along the edge of the smallest cube that a distance may skip
 constexpr double kRoot3 = 1.7320508075688772;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
+constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu, kNoCorners = kNoVertex;
 /// A first step longer than this part of a cell has a second one.
 constexpr double kLongStep = 0.1;
 
@@ -24,7 +24,11 @@ struct CellPlace {
 class Net {
  public:
   Net(const Field& field, StructureMask mask, const FieldBox& box, const NetOptions& options)
-      : field_(field), mask_(mask), grown_m_(options.grown_m), cell_m_(options.cell_m) {
+      : field_(field),
+        mask_(mask),
+        grown_m_(options.grown_m),
+        rough_(options.rough),
+        cell_m_(options.cell_m) {
     const double cell_m = cell_m_;
     const Vec3 size_m = box.high_m - box.low_m;
     const double cells = (size_m.x / cell_m + 2) * (size_m.y / cell_m + 2) * (size_m.z / cell_m + 2);
@@ -35,10 +39,10 @@ class Net {
     nz_ = count(size_m.z);
     // off the box by half a cell all around: flat sides that lie on it are crossed
     low_m_ = (box.low_m + box.high_m) * 0.5 - Vec3{nx_ * 0.5, ny_ * 0.5, nz_ * 0.5} * cell_m_;
-    const std::size_t corners = static_cast<std::size_t>(nx_ + 1) * static_cast<std::size_t>(ny_ + 1) *
-                                static_cast<std::size_t>(nz_ + 1);
-    values_.assign(corners, kUnknown);
-    vertex_of_.assign(corners, kNoVertex);
+    const auto blocks = [](int cells) { return static_cast<std::size_t>(cells / kBlock + 1); };
+    blocks_y_ = blocks(ny_);
+    blocks_z_ = blocks(nz_);
+    corners_of_.assign(blocks(nx_) * blocks_y_ * blocks_z_, kNoCorners);
   }
 
   SurfaceMesh make() {
@@ -50,16 +54,27 @@ class Net {
   }
 
  private:
-  [[nodiscard]] std::size_t indexOf(int x, int y, int z) const {
-    return (static_cast<std::size_t>(x) * static_cast<std::size_t>(ny_ + 1) + static_cast<std::size_t>(y)) *
-               static_cast<std::size_t>(nz_ + 1) +
-           static_cast<std::size_t>(z);
+  /// A corner, and the cell above it.
+  struct Corner {
+    float value = kUnknown;
+    std::uint32_t vertex = kNoVertex;
+  };
+  /// Blocks that the surface passes have corners; most of a large box has none.
+  Corner& cornerAt(int x, int y, int z) {
+    constexpr int kIn = kBlock - 1;
+    const auto part = [](int at) { return static_cast<std::size_t>(at / kBlock); };
+    std::uint32_t& first = corners_of_[(part(x) * blocks_y_ + part(y)) * blocks_z_ + part(z)];
+    if (first == kNoCorners) {
+      first = static_cast<std::uint32_t>(corners_.size());
+      corners_.resize(corners_.size() + kBlock * kBlock * kBlock);
+    }
+    return corners_[first + static_cast<std::size_t>(((x & kIn) * kBlock + (y & kIn)) * kBlock + (z & kIn))];
   }
   [[nodiscard]] Vec3 placeOf(double x, double y, double z) const { return low_m_ + Vec3{x, y, z} * cell_m_; }
   [[nodiscard]] double distance(Vec3 p_m) const { return parts_.structuresDistance(mask_, p_m) - grown_m_; }
 
   float valueAt(int x, int y, int z) {
-    float& value = values_[indexOf(x, y, z)];
+    float& value = cornerAt(x, y, z).value;
     if (std::isnan(value)) value = static_cast<float>(distance(placeOf(x, y, z)));
     return value;
   }
@@ -110,8 +125,9 @@ class Net {
       }
     }
     const Vec3 mean = sum / crossings;
-    vertex_of_[indexOf(at.x, at.y, at.z)] = static_cast<std::uint32_t>(mesh_.vertices.size());
-    mesh_.vertices.push_back(onSurface(placeOf(at.x + mean.x, at.y + mean.y, at.z + mean.z)));
+    cornerAt(at.x, at.y, at.z).vertex = static_cast<std::uint32_t>(mesh_.vertices.size());
+    const Vec3 p_m = placeOf(at.x + mean.x, at.y + mean.y, at.z + mean.z);
+    mesh_.vertices.push_back(rough_ ? SurfaceMesh::Vertex{p_m, {}} : onSurface(p_m));
     cells_.push_back(at);
   }
 
@@ -141,13 +157,13 @@ class Net {
       if (place[u] == 0 || place[v] == 0) continue;  // the mesh ends
       std::array<int, 3> end = place;
       ++end[axis];
-      if (inside == (values_[indexOf(end[0], end[1], end[2])] < 0)) continue;
+      if (inside == (cornerAt(end[0], end[1], end[2]).value < 0)) continue;
       std::array<std::uint32_t, 4> ring{};
       for (std::size_t i = 0; i < 4; ++i) {  // round the axis
         std::array<int, 3> one = place;
         one[u] -= i == 1 || i == 2;
         one[v] -= i >= 2;
-        ring[i] = vertex_of_[indexOf(one[0], one[1], one[2])];
+        ring[i] = cornerAt(one[0], one[1], one[2]).vertex;
         assert(ring[i] != kNoVertex);  // each of the four has this edge
       }
       if (!inside) std::swap(ring[1], ring[3]);
@@ -163,13 +179,16 @@ class Net {
 
   const Field& field_;
   StructureMask mask_;
-  double grown_m_, cell_m_;
+  double grown_m_;
+  bool rough_;
+  double cell_m_;
   int nx_ = 0, ny_ = 0, nz_ = 0;  // cells
   Vec3 low_m_;
-  std::vector<float> values_;             // at corners
-  std::vector<std::uint32_t> vertex_of_;  // of the cell whose lowest corner it is
-  std::vector<CellPlace> cells_;          // those with a vertex
-  Field::InBall parts_;                   // of the current block
+  std::size_t blocks_y_ = 0, blocks_z_ = 0;
+  std::vector<std::uint32_t> corners_of_;  // of each block: the first one's place
+  std::vector<Corner> corners_;
+  std::vector<CellPlace> cells_;  // those with a vertex
+  Field::InBall parts_;           // of the current block
   SurfaceMesh mesh_;
 };
 

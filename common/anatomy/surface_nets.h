@@ -28,9 +28,10 @@ struct NetOptions {
   double cell_m = 1.5e-3;
   /// The surface at this distance outside of the structures, [0, 0.01]: thickens sheets for a picture.
   double grown_m = 0;
-  /// The mesh ends here, open, to one cell; finite where the structures are not. It needs 8 bytes for each
-  /// cell of the structures' box within it, in or off the surface: if those are over kMaxNetCells, the cells
-  /// grow.
+  /// Vertices stay at the crossings' means, without normals: for an area or a volume, in less time.
+  bool rough = false;
+  /// The mesh ends here, open, to one cell; finite where the structures are not. If the structures' box
+  /// within it has more than kMaxNetCells cells, the cells grow.
   FieldBox within{{-1, -1, -1}, {1, 1, 1}};
 };
 inline constexpr std::size_t kMaxNetCells = std::size_t{1} << 24;

@@ -21,7 +21,7 @@ constexpr double kSheetCells = 0.55, kTubeCells = 0.7;           // candidateOf
 constexpr double kThinnest_m = 2e-3, kMostGrown_m = 0.5e-3;
 constexpr double kFirstCell_m = 1.2e-3, kPiece_m = 0.04;  // of a structure: half of its first mesh's box
 constexpr double kMinCell_m = 0.6e-3, kMaxPartCell_m = 2.2e-3, kMaxCell_m = 4.5e-3;
-constexpr double kFarCoarse_m = 12e-3, kMinFarCell_m = 2.5e-3, kMaxFarCell_m = 9e-3;
+constexpr double kFarCoarse_m = 20e-3, kMinFarCell_m = 2.5e-3, kMaxFarCell_m = 9e-3;
 
 /// Half of the way through the body, straight in from the skin at the focus: half a limb's breadth.
 double halfBreadth_m(const SceneView& view) {
@@ -55,13 +55,19 @@ Mesh meshOf(const SurfaceMesh& surface) {
 /// with the way there.
 void darkenHollows(Mesh& mesh, const Field& field, StructureMask mask) {
   constexpr std::array<double, 3> kSteps_m = {2e-3, 6e-3, 14e-3};
+  constexpr double kShared_m = 12e-3;  // vertices this near to one share its ball of parts
+  Field::InBall near;
+  std::optional<Vec3> middle_m;
   for (MeshVertex& vertex : mesh.vertices) {
     const Vec3 p_m{static_cast<double>(vertex.p_m[0]), static_cast<double>(vertex.p_m[1]),
                    static_cast<double>(vertex.p_m[2])};
     const Vec3 out{static_cast<double>(vertex.normal[0]), static_cast<double>(vertex.normal[1]),
                    static_cast<double>(vertex.normal[2])};
-    // what lies beyond may be nearest to the last step's place
-    const Field::InBall near = field.inBall(p_m, 2 * kSteps_m.back(), mask);
+    if (!middle_m || normSquared(p_m - *middle_m) > kShared_m * kShared_m) {
+      // what lies beyond may be nearest to the last step's place
+      near = field.inBall(p_m, kShared_m + 2 * kSteps_m.back(), mask);
+      middle_m = p_m;
+    }
     double open = 1;
     for (const double step_m : kSteps_m) {
       const double free = near.structuresDistance(mask, p_m + out * step_m) / step_m;
@@ -74,7 +80,7 @@ void darkenHollows(Mesh& mesh, const Field& field, StructureMask mask) {
 
 double areaOf(const Field& field, StructureMask mask, const FieldBox& within) {
   const double cell_m = mask == kWholeBody ? kFarCoarse_m : kCoarse_m;
-  return areaOf(surfaceNet(field, mask, {.cell_m = cell_m, .within = within}));
+  return areaOf(surfaceNet(field, mask, {.cell_m = cell_m, .rough = true, .within = within}));
 }
 
 /// A structure that may have a surface of its own, and what that takes.
@@ -95,9 +101,9 @@ Candidate candidateOf(const Field& field, StructureIndex structure, const FieldB
   const FieldBox piece =
       common(whole, {middle_m - Vec3{half_m, half_m, half_m}, middle_m + Vec3{half_m, half_m, half_m}});
   double pieces = 0.5 * long_m / half_m;
-  SurfaceMesh coarse = surfaceNet(field, mask, {.cell_m = kFirstCell_m, .within = piece});
+  SurfaceMesh coarse = surfaceNet(field, mask, {.cell_m = kFirstCell_m, .rough = true, .within = piece});
   if (coarse.triangles.empty()) {
-    coarse = surfaceNet(field, mask, {.cell_m = kFirstCell_m, .within = whole});
+    coarse = surfaceNet(field, mask, {.cell_m = kFirstCell_m, .rough = true, .within = whole});
     pieces = 1;
   }
   // Gauss, without the direction along which the piece is cut: its open ends add nothing

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string_view>
 
 #include "common/anatomy/field_body.h"
 #include "common/base/units.h"
@@ -12,7 +13,8 @@ namespace {
 
 constexpr double kMaxElevation_rad = radOf(85);
 constexpr double kNearest_m = 0.02, kFarthest_m = 2;
-constexpr double kWholeLengths = 1.05;  // how far away a whole body is seen from
+constexpr double kWholeLengths = 1.05, kUprightLengths = 1.6;  // how far away a whole body is seen from
+constexpr std::string_view kHeadwards = "towards the head";    // Profile.directions
 
 // Returns the unit vector perpendicular to the unit vector `up` that is nearest to `wanted`.
 Vec3 levelled(Vec3 wanted, Vec3 up) {
@@ -186,6 +188,16 @@ OrbitCamera viewOfWhole(const SceneView& scene) {
   camera.distance_m = std::clamp(kWholeLengths * long_m, camera.distance_m, kFarthest_m);
   camera.azimuth_rad = radOf(20);
   camera.elevation_rad = radOf(42);
+  // a trunk sits, seen from the side on which the needle enters
+  for (const DirectionView& one : scene.directions) {
+    if (one.words != kHeadwards || std::fabs(dot(one.way_W, rotate(scene.X_WL.q, along_L))) < 0.5) continue;
+    camera.up_W = one.way_W;
+    camera.front_W = levelled(scene.focus_normal_W, camera.up_W);
+    camera.focus_W_m = middle_W_m + one.way_W * (0.07 * long_m);  // rather the head than the legs
+    camera.distance_m = std::clamp(kUprightLengths * long_m, camera.distance_m, kFarthest_m);
+    camera.azimuth_rad = radOf(-35);
+    camera.elevation_rad = radOf(8);
+  }
   return camera;
 }
 

@@ -62,8 +62,9 @@ OrbitCamera initialView(const SceneView& scene);
 /// Views along the surface's normal from above, and from the side.
 OrbitCamera viewFromAbove(const SceneView& scene);
 OrbitCamera viewFromSide(const SceneView& scene);
-/// Returns a view from farther away, which shows what part of a body it is, and where its head lies; the
-/// initial view where there is no body.
+/// Returns a view from farther away, which shows what part of a body it is, and where its head lies; a body
+/// whose length the profile's directions call "towards the head" sits upright. The initial view where there
+/// is no body.
 OrbitCamera viewOfWhole(const SceneView& scene);
 
 /// Returns the plane in which the scene's picture shows the insertion: upright (it contains the surface's

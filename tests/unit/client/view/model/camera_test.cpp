@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
 
+#include "common/profile/profile.h"
 #include "tests/support/random.h"
 #include "tests/support/view_lesson/sample_lesson.h"
 
@@ -192,6 +194,34 @@ TEST(Looks, fromAboveAndFromTheSideSeeTheSameFocus) {
   const OrbitCamera above = viewFromAbove(*lesson.scene), side = viewFromSide(*lesson.scene);
   EXPECT_GT(dot(normalized(above.eye_W_m() - above.focus_W_m), lesson.scene->focus_normal_W), 0.98);
   EXPECT_NEAR(dot(side.eye_W_m() - side.focus_W_m, lesson.scene->focus_normal_W), 0, 1e-9);
+}
+
+TEST(Looks, theWholeOfATrunkIsUprightAndALimbLies) {
+  const Pose turned{{0.1, -0.2, 0.3}, normalized(Quat{0.2, -0.3, 0.4, 0.8})};
+  const auto sceneOf = [&](const char* name) {
+    const auto profile = loadProfile(std::string(NEEDLELAB_SAMPLES) + "/volumes/" + name + ".json");
+    return sceneViewOf(profile.value(), turned).value();
+  };
+  struct Trunk {
+    const char* name;
+    Vec3 head_L_m, low_L_m, face_L_m;  // middle of the head; hip or elbow; where the eye is, roughly
+  };
+  for (const Trunk& one : {Trunk{"shoulder-median", {0.014, 0.23, -0.21}, {0.03, -0.3, -0.04}, {0.5, 0, 1}},
+                           Trunk{"lumbar-median", {-0.605, 0, -0.11}, {0.4, 0.08, -0.1}, {0, 0, 1}}}) {
+    const SceneView scene = sceneOf(one.name);
+    const OrbitCamera camera = viewOfWhole(scene);
+    const auto head = camera.project(turned * one.head_L_m, kWidth, kHeight),
+               low = camera.project(turned * one.low_L_m, kWidth, kHeight);
+    ASSERT_TRUE(head && low) << one.name;
+    EXPECT_GT(low->y_px - head->y_px, 3 * std::fabs(low->x_px - head->x_px)) << one.name;
+    EXPECT_TRUE(head->y_px > 0 && low->y_px < kHeight) << one.name;
+    const Vec3 to_eye_W = normalized(camera.eye_W_m() - camera.focus_W_m);
+    EXPECT_GT(dot(to_eye_W, normalized(rotate(turned.q, one.face_L_m))), 0.7) << one.name;
+  }
+  for (const char* name : {"knee-median", "wrist-median"}) {
+    const SceneView scene = sceneOf(name);
+    EXPECT_EQ(viewOfWhole(scene).up_W, scene.focus_normal_W) << name;
+  }
 }
 
 }  // namespace
