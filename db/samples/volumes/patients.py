@@ -75,11 +75,14 @@ def profile(region, build):
         "description": region.description, "sources": sources_text(region, build)}
     if region.cut_memory:
         made["cut_memory"] = {"cutting_share": 0.23, "radius_m": 0.001}
+
+    def felt(name):
+        return {name: getattr(region, name)} if build not in getattr(region, "unfelt", ()) and hasattr(region, name) else {}
+
     return {**made, "bone": {"stiffness_n_per_m": 600, "friction_coefficient": 0.3}, "hub": {"stiffness_n_per_m": 200},
             "directions": region.directions, "volume": region.volume(p).json(),
             "palpation": {"skin_stiffness_n_per_m": 105, "bone_stiffness_n_per_m": 600, "friction_coefficient": 0.3, "radius_m": 0.003,
-                          **({} if build in getattr(region, "unfelt", ()) else {name: getattr(region, name) for name in ("landmark", "landmark_name")
-                                                                               if hasattr(region, name)}), "stiffening_share": 0.5}}
+                          **felt("landmark"), "stiffening_share": 0.5, **felt("landmark_name")}}
 
 
 def paths(region, build):
