@@ -117,8 +117,10 @@ TileClick stationTile(const LabState& lab, const StationTile& tile, ImVec2 size_
   const bool marked = ImGui::Checkbox("##choose", &mark);
   ImGui::PopStyleVar();
   ImGui::SameLine();
-  // the need at the right edge; a long name is cut so that it stays visible
-  const std::string word = std::string(style.sign) + " " + std::string(nameOf(tile.need));
+  // the need at the right edge: without help its sign, where its word would cut the name
+  std::string word = std::string(style.sign) + " " + std::string(nameOf(tile.need));
+  const float room = size_px.x - pad - ImGui::CalcTextSize(word.c_str()).x - space() - ImGui::GetCursorPosX();
+  if (!needsHelp(tile.need) && ImGui::CalcTextSize(tile.station.c_str()).x > room) word = style.sign;
   const float word_px = ImGui::CalcTextSize(word.c_str()).x, right = size_px.x - pad - word_px;
   {
     const WithTextColour dim(kDimText);
