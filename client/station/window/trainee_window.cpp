@@ -87,13 +87,13 @@ void TraineeWindow::showHand() {
   if (state_.server.empty()) return;
   if (ImGui::IsKeyPressed(GLFW_KEY_F2, false)) requests_.switchHand();
   if (!requests_.handRaised()) return;
+  const bool away = serverFact(state_.server).condition != Condition::kGood;
+  const char* const words = away ? "Your hand is up. No server: call out. F2 lowers it."
+                                 : "Your hand is up: the instructor sees it. F2 lowers it.";
   const ImVec2 screen = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({0.5F * screen.x, screen.y}, ImGuiCond_Always, {0.5F, 1});
-  if (ImGui::Begin("##hand", nullptr, kLaidOver)) {
-    conditionLine(Condition::kAttention, state_.server_away
-                                             ? "Your hand is up. No server: call out. F2 lowers it."
-                                             : "Your hand is up: the instructor sees it. F2 lowers it.");
-  }
+  ImGui::SetNextWindowSize({ImGui::CalcTextSize(words).x + 8 * space(), 0});
+  if (ImGui::Begin("##hand", nullptr, kLaidOver)) conditionLine(Condition::kAttention, words);
   ImGui::End();
 }
 

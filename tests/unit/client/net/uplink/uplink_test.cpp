@@ -561,6 +561,9 @@ TEST_F(UplinkTest, statusLinesDescribeTheLessonWithinTheirSizeBound) {
   EXPECT_EQ(status.started_unix_ns(), session->description().started_unix_ns());
   EXPECT_EQ(status.live_dropped(), 0u);
   EXPECT_EQ(status.layer(), -1) << "before the first sample the needle is outside";
+  EXPECT_FALSE(status.hand_raised());
+  uplink->noteHand(true);
+  ASSERT_TRUE(eventually([&] { return server.newestStatus().hand_raised(); }));
 
   LessonFacts long_ones{5, {}, 0, std::string(5000, 't')};
   for (int i = 0; i < 100; ++i) long_ones.hazards_touched.push_back(std::string(60, 'h') + std::to_string(i));

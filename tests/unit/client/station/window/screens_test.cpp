@@ -644,6 +644,31 @@ TEST_F(Screens, enterAnswersTheQuestionAndNotTheScreenUnderIt) {
   EXPECT_EQ(board_.waitForRequest(0ms).kind, BoardRequest::Kind::kBegin) << "now it is the screen's again";
 }
 
+TEST_F(Screens, aHandIsRaisedAndLoweredOnEveryScreenOfAStationWithAServer) {
+  showLesson(1);
+  const auto serverSays = [&](const char* words) {
+    LessonStatus status;
+    status.server = words;
+    board_.status(status);
+    picture(2);
+  };
+  const auto pressF2 = [&] {
+    press(screen(), GLFW_KEY_F2);
+    picture(2);
+    return requests_.handRaised();
+  };
+  serverSays("");
+  EXPECT_FALSE(pressF2()) << "without a server no instructor sees it";
+  serverSays("server live");
+  EXPECT_TRUE(pressF2());
+  EXPECT_THAT(DrawnLetters().all(), HasSubstr("theinstructorseesit.F2lowersit."));
+  serverSays("server away, 3 chunks wait");
+  EXPECT_THAT(DrawnLetters().all(), HasSubstr("callout.F2lowersit."));
+  showEnd(true);
+  EXPECT_FALSE(pressF2());
+  EXPECT_THAT(DrawnLetters().all(), Not(HasSubstr("Yourhandisup")));
+}
+
 TEST_F(Screens, aStudentsStationDoesNotAskBecauseItCannotBeQuit) {
   auto window = TraineeWindow::make(board_, requests_, false);
   ASSERT_TRUE(window.ok()) << window.error().message;
