@@ -13,6 +13,7 @@
 
 #include "common/base/program.h"
 #include "common/base/secret.h"
+#include "common/base/usage/usage.h"
 #include "common/wire/protocol.h"
 #include "db/backup/encrypted_backup.h"
 #include "server/base/log.h"
@@ -149,8 +150,7 @@ int main(int argc, char** argv) try {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return needlelab::afterOutput(app.exit(error) == 0 ? needlelab::kExitDone : needlelab::kExitInvalid,
-                                  "needlelab-server");
+    return needlelab::afterOutput(needlelab::endOfParsing(app, error, argc, argv), "needlelab-server");
   }
 
   const auto fail = [](const needlelab::Error& error) {

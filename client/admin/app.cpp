@@ -12,6 +12,8 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/text/text.h"
+#include "common/base/time/clock.h"
+#include "common/base/usage/usage.h"
 
 namespace needlelab {
 namespace {
@@ -131,8 +133,7 @@ int runAdmin(int argc, const char* const* argv, std::ostream& out, std::ostream&
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    // 0 for --help and --version; all other CLI11 codes mean wrong usage
-    return app.exit(e, out, err) == 0 ? kExitDone : kExitInvalid;
+    return endOfParsing(app, e, argc, argv, out, err);
   }
   // with --server, a password file given only to `user add` is for the log-in
   if (!global.server.empty() && global.password_file.empty())
@@ -183,10 +184,44 @@ Status eachPage(Backend& backend, const std::function<void(pb::Request&, const s
   return {};
 }
 
-Result<Uuid> sessionIdOf(const std::string& text) {
-  auto id = parseUuid(text);
-  if (!id) return usage("session id: " + id.error().message);
-  return id;
+Result<Uuid> sessionIdOf(CommandContext& context, const std::string& text) {
+  constexpr std::size_t kLeast = 4, kWhole = 36, kNamed = 5;
+  const bool newest = text == "newest";
+  const bool is_beginning = text.size() >= kLeast && text.size() < kWhole &&
+                            text.find_first_not_of("0123456789abcdefABCDEF-") == std::string::npos;
+  if (!newest && !is_beginning) {
+    auto id = parseUuid(text);
+    if (!id) return usage("session id: " + id.error().message + ", or its first 4 or more, or newest");
+    return id;
+  }
+  std::vector<Uuid> found;
+  std::string names;
+  RETURN_IF_ERROR(eachPage(
+      context.backend,
+      [&](pb::Request& request, const std::string& page) {
+        request.mutable_list_sessions()->set_limit(newest ? 1 : 0);
+        request.mutable_list_sessions()->set_page(page);
+      },
+      [&](const pb::Reply& reply) {
+        for (const auto& session : reply.sessions().sessions()) {
+          const auto id = uuidOf(session.description().session_id());
+          if (!id || (!newest && !uuidText(*id).starts_with(lowerCase(text)))) continue;
+          found.push_back(*id);
+          if (found.size() <= kNamed)
+            names += fmt::format("\n  {}  {}  {}  {}", uuidText(*id),
+                                 localTime(session.description().started_unix_ns(), TimeForm::kZoned),
+                                 session.description().trainee(), session.description().exercise_id());
+        }
+        return newest ? std::string() : reply.sessions().next_page();
+      }));
+  if (found.empty())
+    return Error{ErrorCode::kNotFound,
+                 newest ? "there is no session yet"
+                        : "no session's id begins with '" + text + "': session list shows them"};
+  if (found.size() > 1)
+    return usage(fmt::format("the ids of {} sessions begin with '{}':{}{}", found.size(), text, names,
+                             found.size() > kNamed ? "\n  and more" : ""));
+  return found.front();
 }
 
 Status writeText(Output& output, const std::string& file, const std::string& text) {

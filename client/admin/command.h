@@ -85,8 +85,13 @@ Status eachPage(Backend& backend, const std::function<void(pb::Request&, const s
 /// A score with its comparison; `version` of the definitions, 0: the newest.
 Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t version);
 
-/// Parses a session's id from the command line. Errors: kInvalidInput.
-Result<Uuid> sessionIdOf(const std::string& text);
+/// A session from the command line: its id, the beginning of it (at least 4 characters) that no other
+/// session's id has, or `newest`. Errors: kInvalidInput, with the sessions that are meant if there are
+/// several; kNotFound.
+Result<Uuid> sessionIdOf(CommandContext& context, const std::string& text);
+
+/// A score's measures as a table, each value in its unit for people.
+std::string measureTable(const Json& measures);
 
 /// Writes the text to a file, atomically, or to `output` when `file` is empty.
 Status writeText(Output& output, const std::string& file, const std::string& text);

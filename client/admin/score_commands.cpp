@@ -8,6 +8,7 @@
 #include "client/admin/command.h"
 #include "common/base/files/files.h"
 #include "common/profile/strict_json.h"
+#include "common/scoring/measures/measures.h"
 
 namespace needlelab {
 namespace {
@@ -173,6 +174,22 @@ void addScoreCommands(CLI::App& app, ChosenCommand& chosen) {
   runs(again, chosen, [choice](CommandContext& context) { return rescoreAll(context, *choice); });
 }
 
+std::string measureTable(const Json& measures) {
+  Json rows = measures;
+  for (Json& row : rows) {
+    const auto value = row.find("value");
+    if (value == row.end() || !value->is_number()) continue;
+    const auto unit = row.find("unit");
+    *value = measureText(row.value("measure", ""), value->get<double>(),
+                         unit != row.end() && unit->is_string() ? unit->get<std::string>() : "");
+  }
+  return tableText({{"measure", "MEASURE"},
+                    {"value", "VALUE"},
+                    {"passed", "VERDICT", Column::Kind::kVerdict},
+                    {"words", ""}},
+                   rows);
+}
+
 Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t version) {
   pb::Request request;
   request.mutable_get_score()->set_session_id(id.data(), id.size());
@@ -195,12 +212,7 @@ Status showSessionScore(CommandContext& context, const Uuid& id, std::uint32_t v
                                      row);
       !done || context.output.json())
     return done;
-  context.output.text("\n" + tableText({{"measure", "MEASURE"},
-                                        {"value", "VALUE"},
-                                        {"unit", "UNIT"},
-                                        {"passed", "VERDICT", Column::Kind::kVerdict},
-                                        {"words", ""}},
-                                       row["measures"]));
+  context.output.text("\n" + measureTable(row["measures"]));
   if (!row["comparison"].empty())
     context.output.text(
         "\n" + tableText({{"measure", "MEASURE"}, {"place", "PLACE"}, {"words", ""}}, row["comparison"]));

@@ -223,12 +223,7 @@ Status showSession(CommandContext& context, const Uuid& id) {
                     localTime(removed.removed_unix_ns(), TimeForm::kZoned), removed.reason()));
   }
   if (row["score"].is_array() && !row["score"].empty()) {
-    context.output.text("\n" + tableText({{"measure", "MEASURE"},
-                                          {"value", "VALUE"},
-                                          {"unit", "UNIT"},
-                                          {"passed", "VERDICT", Column::Kind::kVerdict},
-                                          {"words", ""}},
-                                         row["score"]));
+    context.output.text("\n" + measureTable(row["score"]));
   }
   if (row["events"].is_array() && !row["events"].empty())
     context.output.text("\n" + tableText({{"event", "EVENT"}, {"words", ""}}, row["events"]));
@@ -269,7 +264,7 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
   struct Values {
     std::string id, station, trainee, exercise, from, to, verdict, search, format, out, text, recipient,
         reason, begin;
-    bool unknown = false;
+    bool unknown = false, every_tick = false;
     std::uint32_t limit = 100, version = 0;
     std::uint64_t tick = 0;
     ExportRange range;
@@ -318,9 +313,11 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
 
   /// Subcommands with a session's id as first argument.
   const auto with_id = [&chosen, values](CLI::App* command, auto run) {
-    command->add_option("id", values->id, "as session list shows it")->required()->type_name("ID");
+    command->add_option("id", values->id, "as session list shows it, or its beginning, or newest")
+        ->required()
+        ->type_name("ID");
     runs(command, chosen, [values, run](CommandContext& context) -> Status {
-      ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->id));
+      ASSIGN_OR_RETURN(const auto id, sessionIdOf(context, values->id));
       return run(context, id);
     });
   };
@@ -379,10 +376,16 @@ void addSessionCommands(CLI::App& app, ChosenCommand& chosen) {
       ->type_name("SECONDS");
   export_command->add_flag("--damaged", values->range.around_damage,
                            "skip damaged chunks: write the rest, name them, exit 1");
+  export_command->add_flag("--every-tick", values->every_tick,
+                           "CSV with all ticks and digits; else 250 rows a second for a spreadsheet");
   with_id(export_command, [values](CommandContext& context, const Uuid& id) -> Status {
-    ASSIGN_OR_RETURN(const auto* const format,
-                     formatFor(ExportPlace::kSessionExport, values->format, values->out));
-    return exportSession(context.backend, context.output, id, *format, values->out, values->range);
+    ASSIGN_OR_RETURN(const auto* format, formatFor(ExportPlace::kSessionExport, values->format, values->out));
+    const bool is_csv = format->name == "csv";
+    if (is_csv && values->every_tick) format = formatsAt(ExportPlace::kWebSamples).front();
+    RETURN_IF_ERROR(exportSession(context.backend, context.output, id, *format, values->out, values->range));
+    if (is_csv && !values->every_tick)
+      context.output.remark(fmt::format("it has {}; --every-tick writes all", format->words));
+    return {};
   });
 
   auto* annotate = app.add_subcommand("annotate", "add a remark to a moment of a session");

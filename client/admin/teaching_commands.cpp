@@ -306,11 +306,11 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
     return showProgress(context, values->trainee, values->exercise);
   });
   auto* excuse = app.add_subcommand("excuse", "do not count an attempt, e.g. after a fault of the station");
-  excuse->add_option("session", values->session)->required();
+  excuse->add_option("session", values->session, "its id, or its beginning, or newest")->required();
   excuse->add_option("--reason", values->reason, "for the audit log");
   excuse->add_flag("--undo", values->undo, "count it again");
   runs(excuse, chosen, [values](CommandContext& context) -> Status {
-    ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->session));
+    ASSIGN_OR_RETURN(const auto id, sessionIdOf(context, values->session));
     pb::Request request;
     request.mutable_excuse_attempt()->set_session_id(id.data(), id.size());
     request.mutable_excuse_attempt()->set_excused(!values->undo);
@@ -323,9 +323,9 @@ void addTeachingCommands(CLI::App& app, ChosenCommand& chosen) {
   });
   auto* rescore = app.add_subcommand(
       "rescore", "score a session again by the current definitions; the first score stays");
-  rescore->add_option("session", values->session)->required();
+  rescore->add_option("session", values->session, "its id, or its beginning, or newest")->required();
   runs(rescore, chosen, [values](CommandContext& context) -> Status {
-    ASSIGN_OR_RETURN(const auto id, sessionIdOf(values->session));
+    ASSIGN_OR_RETURN(const auto id, sessionIdOf(context, values->session));
     pb::Request request;
     request.mutable_rescore_session()->set_session_id(id.data(), id.size());
     ASSIGN_OR_RETURN(const auto reply, context.backend.call(request));

@@ -16,6 +16,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
+#include "common/base/usage/usage.h"
 #include "common/wire/protocol.h"
 #include "common/wire/tls.h"
 
@@ -74,7 +75,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return afterOutput(app.exit(error) == 0 ? kExitDone : kExitInvalid, "needlelab-instructor");
+    return afterOutput(endOfParsing(app, error, argc, argv), "needlelab-instructor");
   }
   const auto fail = [](const Error& error) {
     std::fprintf(stderr, "needlelab-instructor: %s\n", error.message.c_str());

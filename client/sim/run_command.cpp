@@ -169,7 +169,7 @@ void addRunCommand(CLI::App& app, SimCommand& chosen) {
   command->get_option("--trajectory")->required(false);
   command->add_option(
       "--recorded", options->recorded,
-      "instead of a trajectory: a session's recording, or its samples as CSV (session export). Each second "
+      "instead of a trajectory: a session's recording, or its samples as CSV (session export --every-tick). Each second "
       "of samples begins with the recorded state (wall, phase, layer, ruptures), then the engine runs by "
       "itself; says how many ticks differ from the recorded force, and by how much");
   command->add_option("--out", options->out, "the table that is written: forces, wall, phase, … of each tick")

@@ -197,7 +197,7 @@ void addScoreCommand(CLI::App& app, SimCommand& chosen) {
   command->get_option("--trajectory")->required(false);
   command->add_option(
       "--recorded", options->recorded,
-      "instead of a trajectory: a session's recording, or its samples as CSV (session export); nothing is "
+      "instead of a trajectory: a session's recording, or its samples as CSV (session export --every-tick); nothing is "
       "recomputed, so that the measures are the server's");
   command->add_flag(
       "--damaged", options->damaged,

@@ -7,6 +7,7 @@
 #include "client/sim/command.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/usage/usage.h"
 
 namespace needlelab {
 
@@ -37,8 +38,7 @@ int runSim(int argc, const char* const* argv) {
     try {
       app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {
-      // 0 for --help and --version; all other codes of CLI11 mean wrong usage here
-      return afterOutput(app.exit(e) == 0 ? kExitDone : kExitInvalid, "needlelab-sim");
+      return afterOutput(endOfParsing(app, e, argc, argv), "needlelab-sim");
     }
     return afterOutput(chosen(), "needlelab-sim");
   } catch (const std::exception& e) {

@@ -4,6 +4,7 @@
 #include <GLFW/glfw3.h>
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
 #include <imgui/imgui.h>
@@ -41,6 +42,17 @@ std::vector<InputEvent> InputQueue::take() {
     seen.push_back(next.event);
   }
   return seen;
+}
+
+int keyMeant(int place, const char* label) {
+  if (place >= GLFW_KEY_0 && place <= GLFW_KEY_9) return place;
+  if (label == nullptr || label[0] == '\0' || label[1] != '\0') return place;
+  const char sign = label[0];
+  if (sign >= 'a' && sign <= 'z') return GLFW_KEY_A + (sign - 'a');
+  if (sign >= 'A' && sign <= 'Z') return GLFW_KEY_A + (sign - 'A');
+  if (sign == '+') return GLFW_KEY_EQUAL;
+  // GLFW numbers these keys as ASCII
+  return std::string_view("',-./;=[\\]`").find(sign) != std::string_view::npos ? sign : place;
 }
 
 namespace {
@@ -91,8 +103,11 @@ void queueInput(GLFWwindow* window, InputQueue& input) {
     return *static_cast<InputQueue*>(glfwGetWindowUserPointer(of));
   };
   glfwSetWindowUserPointer(window, &input);
-  glfwSetKeyCallback(window, [](GLFWwindow* of, int key, int, int action, int) {
+  glfwSetKeyCallback(window, [](GLFWwindow* of, int place, int scancode, int action, int) {
     if (action == GLFW_REPEAT) return;  // Dear ImGui makes its own repeats
+    // the keypad keeps its places: its labels are those of other keys
+    const bool has_label = place >= GLFW_KEY_SPACE && place <= GLFW_KEY_GRAVE_ACCENT;
+    const int key = has_label ? keyMeant(place, glfwGetKeyName(place, scancode)) : place;
     kQueueOf(of).add({.kind = Done::kKey, .code = key, .down = action == GLFW_PRESS});
   });
   glfwSetCharCallback(window, [](GLFWwindow* of, unsigned character) {

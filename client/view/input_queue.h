@@ -46,6 +46,11 @@ class InputQueue {
   bool pauses_ = false;
 };
 
+/// The key that a person means, by GLFW's numbers, which are places on a US keyboard: a letter, a sign, + and
+/// - by its label in this computer's layout, a digit by its place (a French keyboard has & on the 1).
+/// `label`: glfwGetKeyName's, UTF-8; null or of another script: the place.
+int keyMeant(int place, const char* label);
+
 // --- of the surface
 
 /// Queues the window's input; `input` must outlive the window. The backend's own callbacks do not keep the

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "common/base/program.h"
 #include "common/base/text/text.h"
@@ -32,6 +33,36 @@ class SamplesAsCsv : public SampleWriter {
 };
 
 /// {"version", "machine", "session", "rows"}.
+/// Of each 4 ms the sample with the greatest force, so that the file is for a spreadsheet and keeps the
+/// peaks.
+class SamplesForASpreadsheet : public SampleWriter {
+ public:
+  void begin(std::string& out, const std::function<std::string()>&) override { appendSampleCsvHeader(out); }
+  void add(std::string& out, const GestureSample& sample, std::int64_t first_time_ns) override {
+    constexpr std::int64_t kRow_ns = 4'000'000;
+    const std::int64_t row = (sample.time_ns - first_time_ns) / kRow_ns;
+    if (kept_ && row != row_) write(out);
+    if (!kept_ || squaredForce(sample) > squaredForce(*kept_)) kept_ = sample;
+    row_ = row;
+    first_time_ns_ = first_time_ns;
+  }
+  void end(std::string& out) override {
+    if (kept_) write(out);
+  }
+
+ private:
+  static double squaredForce(const GestureSample& s) {
+    return s.force_W_N[0] * s.force_W_N[0] + s.force_W_N[1] * s.force_W_N[1] +
+           s.force_W_N[2] * s.force_W_N[2];
+  }
+  void write(std::string& out) {
+    appendRoundedCsvRow(out, *kept_, first_time_ns_);
+    kept_.reset();
+  }
+  std::optional<GestureSample> kept_;
+  std::int64_t row_ = 0, first_time_ns_ = 0;
+};
+
 class SamplesAsJson : public SampleWriter {
  public:
   void begin(std::string& out, const std::function<std::string()>& session) override {
@@ -150,8 +181,15 @@ std::vector<ExportFormat> allFormats() {
        .suffix = ".csv",
        .media_type = "text/csv; charset=utf-8",
        .title = "CSV",
+       .words = "250 rows a second, each the sample with the greatest force of its 4 ms, rounded",
+       .places = {kSessionExport},
+       .samples = make<SampleWriter, SamplesForASpreadsheet>},
+      {.name = "csv",
+       .suffix = ".csv",
+       .media_type = "text/csv; charset=utf-8",
+       .title = "CSV",
        .words = "every tick, units in the header",
-       .places = {kSessionExport, kStudyRecording, kWebSamples},
+       .places = {kStudyRecording, kWebSamples},
        .samples = make<SampleWriter, SamplesAsCsv>},
       {.name = "json",
        .suffix = ".json",

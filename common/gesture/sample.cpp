@@ -40,6 +40,22 @@ void appendInteger(std::string& out, Integer value) {
   out.append(text, end);
 }
 
+/// The decimals that tell values apart that are a step apart: 6 for 1e-6, 5 for 2^-15.
+int decimalsOf(double step) {
+  return static_cast<int>(std::ceil(-std::log10(step) - 1e-9));
+}
+
+/// Without zeros at the end.
+void appendDecimals(std::string& out, double value, int decimals) {
+  std::string text = fmt::format("{:.{}f}", value, decimals);
+  if (std::isfinite(value)) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.ends_with('.')) text.pop_back();
+    if (text == "-0") text = "0";
+  }
+  out += text;
+}
+
 /// A whole number within a field's range.
 template <typename Integer>
 bool putInteger(double value, Integer& field) {
@@ -83,6 +99,20 @@ void appendSampleRow(std::string& out, const GestureSample& sample, std::int64_t
 
 void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns) {
   appendSampleRow(out, sample, first_time_ns, ',', "nan");
+}
+
+void appendRoundedCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns) {
+  const Resolution steps = Resolution::standard();
+  bool first = true;
+  forEachSampleColumn(sample, first_time_ns, [&](const SampleColumn& column, auto value) {
+    if (!first) out += ',';
+    first = false;
+    if constexpr (!std::is_floating_point_v<decltype(value)>)
+      appendInteger(out, value);
+    else if (!std::isnan(value))
+      appendDecimals(out, value, column.step != nullptr ? decimalsOf(steps.*column.step) : 6);
+  });
+  out += '\n';
 }
 
 void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_t first_time_ns) {

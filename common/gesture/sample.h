@@ -62,10 +62,14 @@ Status validate(const Resolution& resolution);
 /// added at the end.
 void appendSampleCsvHeader(std::string& out);
 
-/// One row and a line feed: 17 significant digits, `nan` for not-a-number. `first_time_ns` is the time of the
-/// recording's first sample: t_s is the difference of the integer times, so that it is exact to the
-/// nanosecond.
+/// One row and a line feed; a number reads back as the same double, `nan` is not-a-number. `first_time_ns` is
+/// the time of the recording's first sample: t_s is the difference of the integer times, so that it is exact
+/// to the nanosecond.
 void appendSampleCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
+
+/// The same row for a spreadsheet: rounded to the decimals of its column's standard resolution, t_s and
+/// lengths to 1e-6, forces to 1e-3; the cell of not-a-number is empty.
+void appendRoundedCsvRow(std::string& out, const GestureSample& sample, std::int64_t first_time_ns);
 
 /// One JSON object with the CSV's names as keys, no line feed; not-a-number and infinities become null,
 /// because JSON does not have them.

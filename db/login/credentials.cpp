@@ -10,6 +10,7 @@
 #include <iterator>
 #include <system_error>
 
+#include "common/base/secret.h"
 #include "common/base/text/text.h"
 
 namespace needlelab {
@@ -163,10 +164,13 @@ Status checkStaffPassword(std::string_view password, std::string_view name) {
   return {};
 }
 
-Result<std::string> hashCode(std::string_view code) {
+Result<std::string> hashCode(std::string_view typed) {
   initialise();
-  RETURN_IF_ERROR(checkCode(code));
-  return hashedText(code);
+  std::string code = asciiDigits(typed);
+  const Status valid = checkCode(code);
+  auto hash = valid.ok() ? hashedText(code) : valid.error();
+  wipe(code);
+  return hash;
 }
 
 std::string makePin() {

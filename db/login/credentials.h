@@ -50,8 +50,8 @@ Result<std::string> hashPassword(std::string_view password);
 
 // A trainee's code: a PIN, or what a badge reader types. Easy to guess, so service/code_guard.h limits the
 // attempts.
-/// Like hashPassword, for a code. Errors: those of checkCode (common/base/text/text.h), kFailed (out of
-/// memory).
+/// Like hashPassword, for a code; digits of any script are digits. Errors: those of checkCode
+/// (common/base/text/text.h), kFailed (out of memory).
 Result<std::string> hashCode(std::string_view code);
 /// Six random decimal digits, each number equally likely.
 std::string makePin();

@@ -8,6 +8,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/secret.h"
+#include "common/base/usage/usage.h"
 #include "common/wire/protocol.h"
 #include "tests/class/class_run.h"
 
@@ -43,7 +44,7 @@ int classMain(int argc, char** argv, const sigset_t& stop_signals) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitDone : kExitInvalid;
+    return endOfParsing(app, error, argc, argv);
   }
   const auto fail = [](const Error& error) {
     std::fprintf(stderr, "needlelab-class: %s\n", error.message.c_str());

@@ -7,6 +7,7 @@
 #include "client/sim/command.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/usage/usage.h"
 #include "tests/load/load_report.h"
 #include "tests/load/load_run.h"
 
@@ -68,7 +69,7 @@ int main(int argc, char** argv) try {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitDone : kExitInvalid;
+    return endOfParsing(app, error, argc, argv);
   }
   if (!server.empty()) {
     auto endpoints = parseEndpoints(server);

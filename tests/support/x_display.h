@@ -65,15 +65,17 @@ class XDisplay {
   /// Runs xdotool with these arguments, e.g. {"key", "Return"}; returns its exit code.
   int tool(std::vector<std::string> words) {
     words.insert(words.begin(), "xdotool");
-    const pid_t pid = start(words, -1);
-    int status = -1;
-    if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return run(words);
   }
   /// Presses and releases the key. A window of ours sees both, each in its own frame.
   void key(const std::string& name) { tool({"key", name}); }
   void keyDown(const std::string& name) { tool({"keydown", name}); }
   void keyUp(const std::string& name) { tool({"keyup", name}); }
+  /// Sets the keyboard's layout: {"fr"}, {"us", "dvorak"}.
+  bool layout(std::vector<std::string> words) {
+    words.insert(words.begin(), "setxkbmap");
+    return run(words) == 0;
+  }
   void moveTo(int x_px, int y_px) { tool({"mousemove", std::to_string(x_px), std::to_string(y_px)}); }
   void moveBy(int dx_px, int dy_px) {
     tool({"mousemove_relative", "--", std::to_string(dx_px), std::to_string(dy_px)});
@@ -86,6 +88,12 @@ class XDisplay {
   }
 
  private:
+  static int run(const std::vector<std::string>& words) {
+    const pid_t pid = start(words, -1);
+    int status = -1;
+    if (pid <= 0 || ::waitpid(pid, &status, 0) != pid) return -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
   // the descriptor `kept` stays open in the child
   static pid_t start(const std::vector<std::string>& words, int kept) {
     std::vector<char*> argv;

@@ -1,7 +1,7 @@
 // A dialog's events while the page stands still, by the times at which they were pressed.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { dialogGate, oneAtATime } from '../../client/web/app/lib/presses.js';
+import { dialogGate, digitOnTheKey, oneAtATime } from '../../client/web/app/lib/presses.js';
 
 /** What a dialog that is painted at 1000 ms takes of `[type, ms, repeat]`, in their order; all are heard after it. */
 function taken(...events) {
@@ -75,4 +75,29 @@ test('a form is sent once, and again after it was refused', async () => {
   answer.resolve('stored');
   assert.equal(await next, 'stored');
   assert.deepEqual(sent, ['a', 'b', 'c']);
+});
+
+test('a badge reader types digits on a French keyboard too', () => {
+  // what a reader's 471221 is on AZERTY: the digits are on the keys, and the signs are typed without Shift
+  let code = '';
+  let stopped = 0;
+  const press = (key, event = {}) => {
+    const target = { value: code, selectionStart: code.length, selectionEnd: code.length };
+    const typed = { key, target, preventDefault: () => (stopped += 1), ...event };
+    digitOnTheKey((text) => (code = text))(typed);
+  };
+  [
+    ["'", 4],
+    ['è', 7],
+    ['&', 1],
+    ['é', 2],
+    ['é', 2],
+    ['&', 1],
+  ].forEach(([key, n]) => press(key, { code: `Digit${n}` }));
+  assert.equal(code, '471221');
+  assert.equal(stopped, 6, 'the signs are not typed');
+  press('1', { code: 'Digit1' });
+  press('&', { code: 'Digit1', shiftKey: true });
+  press('q', { code: 'KeyA' });
+  assert.deepEqual([code, stopped], ['471221', 6], 'the field itself takes these');
 });

@@ -252,6 +252,41 @@ TEST_F(TraineeWindowTest, keysAloneSuffice) {
   EXPECT_GE(scoreOf(summary()["rows"][0]).at("elapsed_s"), shown_s);
 }
 
+/// A layout, and the key on which a person finds W: its label, or its number on an Arabic keyboard, whose W
+/// has an Arabic letter and, on most, a Latin one beside it.
+struct Layout {
+  std::vector<std::string> name;
+  std::string w;
+};
+
+class TraineeKeyboard : public TraineeWindowTest, public testing::WithParamInterface<Layout> {};
+
+TEST_P(TraineeKeyboard, theKeyLabelledWGoesIn) {
+  ASSERT_TRUE(display_.layout(GetParam().name));
+  start({"--trainee", "tom", "--start", "--uncapped"});
+  ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
+  ASSERT_NO_FATAL_FAILURE(waitForLesson());
+  const auto waiting = frames_.newest();
+  ASSERT_TRUE(waiting);
+  if (GetParam().name.front() == "fr") {  // the place of a US keyboard's W has a Z
+    display_.keyDown("z");
+    ASSERT_TRUE(frames_.sawInput()) << station_->said();
+    ASSERT_NO_FATAL_FAILURE(waitForLesson(frames_.newest()->lesson_s + 0.5));
+    display_.keyUp("z");
+    EXPECT_EQ(norm(frames_.newest()->aim_WT_m - waiting->aim_WT_m), 0);
+  }
+  ASSERT_NO_FATAL_FAILURE(holdKey(GetParam().w, [&](const SeenFrame& frame) {
+    return norm(frame.aim_WT_m - waiting->aim_WT_m) > 0.005 && frame.depth_m > waiting->depth_m;
+  }));
+  station_->signal(SIGTERM);
+  EXPECT_EQ(station_->wait(), kExitDone) << station_->said();
+}
+
+INSTANTIATE_TEST_SUITE_P(Layouts, TraineeKeyboard,
+                         testing::Values(Layout{{"fr"}, "w"}, Layout{{"de"}, "w"},
+                                         Layout{{"us", "dvorak"}, "w"}, Layout{{"ara"}, "25"}),
+                         [](const auto& of) { return of.param.name.back(); });
+
 TEST_F(TraineeWindowTest, theCloseButtonAsksAndThenEndsTheLessonAndKeepsIt) {
   start({"--trainee", "tom", "--start"});
   ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));

@@ -76,6 +76,17 @@ struct UplinkState {
   std::optional<std::int64_t>
       server_minus_steady_ns;      ///< the server's time less ours since the start; by the last Welcome
   std::int64_t wall_ahead_ns = 0;  ///< this computer's clock minus the server's, at the last Welcome
+
+  /// The server's time at `steady_ns`, the steady clock, while this computer's clock shows `wall_ns`. Nothing
+  /// if no server was reached, or if the computer slept since: the steady clock stood still then, so that the
+  /// other one went on by more, 1 min or longer.
+  [[nodiscard]] std::optional<std::int64_t> serverUnixNs(std::int64_t steady_ns, std::int64_t wall_ns) const {
+    constexpr std::int64_t kSlept_ns = 60'000'000'000;
+    if (!server_minus_steady_ns) return std::nullopt;
+    const std::int64_t server_ns = steady_ns + *server_minus_steady_ns;
+    if (wall_ns - wall_ahead_ns - server_ns >= kSlept_ns) return std::nullopt;
+    return server_ns;
+  }
 };
 
 /// How a station retries. During a lesson it probes an address that accepts no connections: a refused TCP

@@ -182,16 +182,19 @@ Status StationRun::openSession() {
   return {};
 }
 
-// uses the server's clock if it was reachable since this program began: this computer's may be wrong
+// uses the server's clock if it was reachable since this program began and the computer did not sleep since:
+// this computer's may be wrong
 void StationRun::dateBegin(pb::SessionDescription& d) const {
   constexpr std::int64_t kBehind_ns = 300'000'000'000;
   const Uplink* const uplink = home_.uplink();
-  if (const auto ahead = uplink != nullptr ? uplink->state().server_minus_steady_ns : std::nullopt) {
-    d.set_started_unix_ns(d.started_steady_ns() + *ahead);
+  const std::int64_t wall_ns = wallNowNs();
+  if (const auto server_ns =
+          uplink != nullptr ? uplink->state().serverUnixNs(d.started_steady_ns(), wall_ns) : std::nullopt) {
+    d.set_started_unix_ns(*server_ns);
     d.set_begin_clock(pb::SessionDescription::SERVER_CLOCK);
     return;
   }
-  d.set_started_unix_ns(wallNowNs());
+  d.set_started_unix_ns(wall_ns);
   const std::int64_t known_ns = home_.spool().clock().lastServerUnixNs();
   d.set_begin_clock(known_ns == 0                                 ? pb::SessionDescription::OWN_CLOCK_ALONE
                     : d.started_unix_ns() < known_ns - kBehind_ns ? pb::SessionDescription::OWN_CLOCK_BEHIND
@@ -336,9 +339,10 @@ void StationRun::drain() {
 // for an exam; uses only the server's clock, because this computer's may be wrong
 std::int64_t StationRun::resultsWithheldUntil() const {
   const Uplink* const uplink = home_.uplink();
-  const auto ahead = uplink != nullptr ? uplink->state().server_minus_steady_ns : std::nullopt;
+  const auto server_ns =
+      uplink != nullptr ? uplink->state().serverUnixNs(home_.time().nowNs(), wallNowNs()) : std::nullopt;
   const std::int64_t from_ns = lesson_.results_from_unix_ns;
-  return from_ns != 0 && (!ahead || home_.time().nowNs() + *ahead < from_ns) ? from_ns : 0;
+  return from_ns != 0 && (!server_ns || *server_ns < from_ns) ? from_ns : 0;
 }
 
 // only once, because it reads the whole recording

@@ -99,9 +99,8 @@ void appendNumber(std::string& out, double value) {
     return;
   }
   char buffer[40];
-  const auto [end, error] =
-      std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general, 17);
-  (void)error;  // 40 characters hold any double at 17 digits
+  const auto [end, error] = std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general);
+  (void)error;  // 40 characters hold any double
   out.append(buffer, end);
 }
 

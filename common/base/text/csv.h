@@ -37,8 +37,7 @@ struct CsvReading {
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
                          const std::vector<std::string>& optional = {}, const CsvReading& reading = {});
 
-/// Appends a number so that reading it back gives the same double: 17 significant digits, `nan` for
-/// not-a-number.
+/// Appends the fewest digits that read back as the same double, at most 17; `nan` for not-a-number.
 void appendNumber(std::string& out, double value);
 
 // --- writing for spreadsheets

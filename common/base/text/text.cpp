@@ -302,6 +302,32 @@ Status checkCode(std::string_view code) {
   return {};
 }
 
+std::string asciiDigits(std::string_view text) {
+  // the zeros of the scripts; nine digits follow each (Unicode, category Nd, below U+10000)
+  constexpr std::uint32_t kZeros[] = {0x0660, 0x06f0, 0x07c0, 0x0966, 0x09e6, 0x0a66, 0x0ae6,
+                                      0x0b66, 0x0be6, 0x0c66, 0x0ce6, 0x0d66, 0x0e50, 0x0ed0,
+                                      0x0f20, 0x1040, 0x17e0, 0x1810, 0xff10};
+  std::string out;
+  for (std::size_t i = 0; i < text.size();) {
+    const auto byte = [&](std::size_t at) {
+      return at < text.size() ? std::uint32_t{static_cast<unsigned char>(text[at])} : 0U;
+    };
+    const std::size_t bytes = (byte(i) & 0xe0U) == 0xc0U ? 2 : (byte(i) & 0xf0U) == 0xe0U ? 3 : 1;
+    const std::uint32_t code =
+        bytes == 2   ? (byte(i) & 0x1fU) << 6U | (byte(i + 1) & 0x3fU)
+        : bytes == 3 ? (byte(i) & 0x0fU) << 12U | (byte(i + 1) & 0x3fU) << 6U | (byte(i + 2) & 0x3fU)
+                     : 0;
+    const auto* const zero =
+        std::ranges::find_if(kZeros, [&](std::uint32_t z) { return code >= z && code < z + 10; });
+    if (zero != std::end(kZeros))
+      out += static_cast<char>('0' + (code - *zero));
+    else
+      out += text.substr(i, bytes);
+    i += bytes;
+  }
+  return out;
+}
+
 std::string padded(std::string_view text, std::size_t width) {
   return std::string(text) + std::string(width - std::min(width, countCharacters(text)), ' ');
 }

@@ -99,6 +99,9 @@ Status checkNote(std::string_view field, std::string_view value, std::size_t min
 /// Requires kMinCodeBytes to kMaxCodeBytes printable ASCII characters (a trainee's code). No message contains
 /// the code.
 Status checkCode(std::string_view code);
+/// Turns digits of other scripts (Arabic, Persian, Devanagari, full width …) into 0 to 9; keeps everything
+/// else.
+std::string asciiDigits(std::string_view text);
 
 // --- columns and lines, for a terminal or a picture; widths count characters (countCharacters)
 

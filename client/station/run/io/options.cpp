@@ -23,6 +23,7 @@
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/base/text/text.h"
+#include "common/base/usage/usage.h"
 #include "common/haptics/scene_spec.h"
 #include "common/wire/protocol.h"
 
@@ -408,8 +409,7 @@ ParsedOptions parseStationOptions(int argc, const char* const* argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);
-    parsed.exit_code = code == 0 ? kExitDone : kExitInvalid;
+    parsed.exit_code = endOfParsing(app, error, argc, argv);
     return parsed;
   }
   if (raw.list_devices) o.mode = StationMode::kListDevices;

@@ -43,6 +43,7 @@ Result<std::string> codeOfPerson(const std::string& who, const Error& refused, b
         passwordFromTerminal("Code of " + who + " (PIN or badge): ", kMaxCodeBytes, no_terminal, stopped);
     if (!code.ok()) return code;
     if (code->empty()) return Error{ErrorCode::kFailed, "no code was typed: the lesson does not begin"};
+    code = asciiDigits(*code);
     // an invalid code is not sent, so that it does not use up a try
     const Status valid = checkCode(*code);
     if (valid.ok()) return code;
@@ -57,6 +58,7 @@ Result<AskForCode> headlessCodePrompt(const StationOptions& options) {
   if (!options.code_file.empty()) {
     const auto file = std::make_shared<FileCode>();
     ASSIGN_OR_RETURN(file->code, readSecretLine(options.code_file));
+    file->code = asciiDigits(file->code);
     if (const Status valid = checkCode(file->code); !valid.ok())
       return Error{valid.error().code,
                    "--code-file " + options.code_file.string() + ": " + valid.error().message};

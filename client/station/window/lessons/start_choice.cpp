@@ -218,7 +218,8 @@ const CodeQuestion* StartChoice::codeQuestion() const {
 
 void StartChoice::typeCode(std::string code) {
   wipe(code_);
-  code_ = std::move(code);
+  code_ = asciiDigits(code);
+  wipe(code);
 }
 
 std::string StartChoice::takeCode() {

@@ -207,6 +207,15 @@ void StartScreen::typeName() {
   choice_.typeTrainee(typed_, true);
 }
 
+// A badge reader types as a US keyboard does, whatever layout this computer has: the digit on the key counts,
+// not the sign beside it (& on a French 1). Frames see one key press and the text of it.
+int digitOnTheKey(ImGuiInputTextCallbackData* typed) {
+  if (ImGui::GetIO().KeyShift) return 0;
+  for (int key = GLFW_KEY_0; key <= GLFW_KEY_9; ++key)
+    if (ImGui::IsKeyPressed(key, false)) typed->EventChar = static_cast<ImWchar>('0' + (key - GLFW_KEY_0));
+  return 0;
+}
+
 // Only while there is a question for the chosen trainee's code. Enter begins, as everywhere on this screen.
 // `writes_name`: the person is still in the name's field, and may type a longer name.
 void StartScreen::showCode(bool writes_name) {
@@ -230,7 +239,8 @@ void StartScreen::showCode(bool writes_name) {
   if (!writes_name && std::exchange(code_question_, question->number) != question->number) focusNextField();
   ImGui::SetNextItemWidth(-1);
   if (ImGui::InputTextWithHint("##code", "PIN or badge", text.data(), text.size(),
-                               ImGuiInputTextFlags_Password))
+                               ImGuiInputTextFlags_Password | ImGuiInputTextFlags_CallbackCharFilter,
+                               digitOnTheKey))
     choice_.typeCode(text.data());
   in_empty_code_ = ImGui::IsItemActive() && choice_.typedCode().empty();
   // Enter leaves the field, but too short a code begins nothing: return to the field

@@ -50,3 +50,16 @@ export function oneAtATime() {
     }
   };
 }
+
+/**
+ * For a field of codes: a badge reader types as a US keyboard does, whatever layout this computer has, so the digit on
+ * the key counts, not the sign beside it (& on a French 1).
+ * @param {(text: string) => void} take the field's new text
+ */
+export const digitOnTheKey = (take) => (event) => {
+  const digit = /^Digit(\d)$/.exec(event.code)?.[1];
+  if (!digit || event.key === digit || event.shiftKey || event.ctrlKey || event.altKey || event.metaKey) return;
+  event.preventDefault();
+  const { value, selectionStart, selectionEnd } = event.target;
+  take(value.slice(0, selectionStart) + digit + value.slice(selectionEnd));
+};

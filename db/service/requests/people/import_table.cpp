@@ -284,7 +284,7 @@ void ImportTable::add(const CsvRows& rows) {
                                       kMinPasswordBytes, kMaxPasswordBytes));
   else if (!row.password.empty() && row.person.role != pb::TRAINEE)
     check("password", checkStaffPassword(row.password, row.person.name));
-  if (row.has_code) check("code", checkCode(row.code));
+  if (row.has_code) check("code", checkCode(asciiDigits(row.code)));
   if (isRoundedNumber(row.code))
     row.fault("code",
               "is a number that a spreadsheet has rounded (as 4.7E+11): format the column as text, and put "

@@ -50,6 +50,26 @@ TEST_F(AdminApp, sessionsAreSearchedByDateVerdictExerciseAndName) {
   EXPECT_EQ(good({"session", "show", id, "--json"}).code, 0);
 }
 
+TEST_F(AdminApp, aWrongWordIsNamedWithTheNearestRightOnes) {
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{"session", "lst"}, "'session lst' is not a command: did you mean 'session list'?"},
+      {{"--user", "ada", "sesion", "list"}, "'sesion' is not a command: did you mean 'session'?"},
+      {{"--json", "x.json", "sesion", "list"}, "'sesion' is not a command: did you mean 'session'?"},
+      {{"session", "list", "--serch=x"}, "--serch is not an option: did you mean '--search'?"},
+      {{"session", "list", "--usr", "ada"}, "--usr is not an option: did you mean '--user'?"},
+      {{"certificate", "frobnicate"}, "'certificate frobnicate' is not a command; there are: "},
+      // words that are known: what is wrong is said as before
+      {{"session", "list", "--limit", "many"}, "--limit"},
+      {{"session", "list", "list"}, "list"},
+  };
+  for (const auto& [arguments, words] : cases) {
+    const Run result = run(arguments);
+    EXPECT_EQ(result.code, 2) << words;
+    EXPECT_THAT(result.err, testing::HasSubstr(words));
+    EXPECT_EQ(result.out, "") << words;
+  }
+}
+
 TEST_F(AdminApp, rootIsRefusedOnAnotherUsersFolderWithTheRightCommand) {
   good({"user", "add", "tom", "--role", "trainee"});
   const std::filesystem::path database = std::filesystem::path(data()) / "needlelab.db";

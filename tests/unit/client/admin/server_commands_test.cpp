@@ -38,7 +38,7 @@ TEST_F(ServerCommands, theSameCommandsWork) {
   const auto id = uuidText(session_);
   EXPECT_EQ(as("ines", {"session", "verify", id}).code, 0);
   EXPECT_EQ(as("ines", {"annotate", id, "--text", "well done"}).code, 0);
-  const Run exported = as("ines", {"session", "export", id, "--out", file("g.csv")});
+  const Run exported = as("ines", {"session", "export", id, "--every-tick", "--out", file("g.csv")});
   EXPECT_EQ(exported.code, 0) << exported.err;
   std::ifstream in(file("g.csv"));
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 40 * 20 + 1);
@@ -60,8 +60,8 @@ TEST_F(ServerCommands, ofSeveralServersTheFirstThatAnswersIsAsked) {
 
 TEST_F(ServerCommands, partsAreExportedAndRetentionRuns) {
   const auto id = uuidText(session_);
-  const Run part =
-      as("ines", {"session", "export", id, "--from", "0.4", "--to", "0.5", "--out", file("p.csv")});
+  const Run part = as("ines", {"session", "export", id, "--every-tick", "--from", "0.4", "--to", "0.5",
+                               "--out", file("p.csv")});
   EXPECT_EQ(part.code, 0) << part.err;
   std::ifstream in(file("p.csv"));
   EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), 100 + 1);

@@ -219,7 +219,8 @@ TEST_F(SessionCommands, aWrongRemarkIsNamedAndNotStored) {
       {{id, "--text", "caf\xe9"}, 2, "text: is not valid UTF-8 text"},
       {{id, "--text", "x", "--tick", "-1"}, 2, "-1"},
       {{id, "--text", "x", "--tick", "soon"}, 2, "soon"},
-      {{id.substr(1), "--text", "x"}, 2, "is not a session id: 36 characters"},
+      {{"x" + id.substr(1), "--text", "x"}, 2, "is not a session id: 36 characters"},
+      {{"ffff", "--text", "x"}, 1, "no session's id begins with 'ffff'"},
       {{kUnknownSession, "--text", "x"}, 1, "there is no session " + kUnknownSession},
   };
   for (const auto& [arguments, code, words] : cases) {
@@ -231,6 +232,28 @@ TEST_F(SessionCommands, aWrongRemarkIsNamedAndNotStored) {
     EXPECT_EQ(result.out, "") << words;
   }
   EXPECT_TRUE(good({"session", "show", id, "--json"}).rows()[0].at("annotations").empty());
+}
+
+TEST_F(SessionCommands, aSessionIsNamedByTheBeginningOfItsIdOrAsNewest) {
+  good({"station", "add", "station-9", "--out", file("key")});
+  EXPECT_THAT(onData({"session", "show", "newest"}).err, HasSubstr("there is no session yet"));
+  const std::string first = attempt("ann", "knee-recess", ""), second = attempt("tom", "knee-recess", "");
+  const auto shown = [&](const std::string& name) {
+    return good({"session", "show", name, "--json"}).rows().at(0).at("session_id");
+  };
+  const auto newest = good({"session", "list", "--json", "--limit", "1"}).rows().at(0).at("session_id");
+  EXPECT_EQ(shown("newest"), newest);
+  std::size_t same = 0;
+  while (first[same] == second[same]) ++same;
+  EXPECT_EQ(shown(first.substr(0, same + 1)), first);
+  std::string upper = second.substr(0, same + 1);
+  for (char& c : upper) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  EXPECT_EQ(shown(upper), second);
+  const Run both = onData({"session", "show", first.substr(0, 4)});
+  EXPECT_EQ(both.code, 2);
+  for (const std::string& name :
+       {std::string("the ids of 2 sessions begin with"), first + "  ", second + "  "})
+    EXPECT_THAT(both.err, HasSubstr(name));
 }
 
 TEST_F(SessionCommands, aScoreIsShownAsItIsStored) {
@@ -245,8 +268,8 @@ TEST_F(SessionCommands, aScoreIsShownAsItIsStored) {
   EXPECT_EQ(row.at("measures")[0].at("words"), "two\nlines");
   EXPECT_TRUE(row.at("measures")[1].at("value").is_null());
   const std::string text = good({"session", "score", id}).out;
-  EXPECT_THAT(text, HasSubstr("\npeak_force_n  8.25   N     not passed  two lines\n"));
-  EXPECT_THAT(text, HasSubstr("\nelapsed_s     -      s     -           é\n"));
+  EXPECT_THAT(text, HasSubstr("\npeak_force_n  8.25 N  not passed  two lines\n"));
+  EXPECT_THAT(text, HasSubstr("\nelapsed_s     -       -           é\n"));
   EXPECT_EQ(good({"session", "score", id, "--version", "1", "--json"}).rows().at(0), row);
   const std::string without = attempt("tom", "knee-recess", "");
   for (const Arguments& missing : {Arguments{id, "--version", "7"}, {without}, {kUnknownSession}}) {

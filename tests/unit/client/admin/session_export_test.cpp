@@ -35,9 +35,9 @@ class SessionExport : public test::AdminTest {
   }
 };
 
-TEST_F(SessionExport, csvHoldsEverySample) {
+TEST_F(SessionExport, csvOfEveryTickHoldsEverySample) {
   const std::string id = uuidText(addSession(5));
-  good({"session", "export", id, "--format", "csv", "--out", file("g.csv")});
+  good({"session", "export", id, "--every-tick", "--format", "csv", "--out", file("g.csv")});
   std::string expected;
   appendSampleCsvHeader(expected);
   const auto all = samples(5);
@@ -139,7 +139,7 @@ TEST_F(RangeOfExport, fromAndToCutAtTheSample) {
   good({"session", "export", id, "--format", "json", "--from", "7", "--out", file("a.json"), "--replace"});
   EXPECT_TRUE(ticks("a.json").empty());
   // Times in a part count from the first sample of the session.
-  good({"session", "export", id, "--from", "0.5", "--to", "0.502", "--out", file("a.csv")});
+  good({"session", "export", id, "--every-tick", "--from", "0.5", "--to", "0.502", "--out", file("a.csv")});
   const std::string csv = content("a.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
   EXPECT_NE(csv.find("\n0.5,500,"), std::string::npos) << csv;

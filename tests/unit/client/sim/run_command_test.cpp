@@ -212,8 +212,7 @@ TEST(RunCommand, rowsArePlacedByTheirTimes) {
                  trajectory.string(), "--out", out.string()})
                 .code,
             0);
-  EXPECT_THAT(tableOf(out)["t_s"],
-              testing::ElementsAre("7", "7.0010000000000003", "7.0019999999999998", "7.0030000000000001"));
+  EXPECT_THAT(tableOf(out)["t_s"], testing::ElementsAre("7", "7.001", "7.002", "7.003"));
 }
 
 TEST(RunCommand, toolAndPlacementOnlyMoveTheScene) {

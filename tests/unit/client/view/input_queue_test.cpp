@@ -144,5 +144,22 @@ TEST(InputQueue, pressesBeforeAFrameWasSeenAreDroppedButNotReleases) {
   EXPECT_EQ(framesOf(queue), "+E -E");
 }
 
+struct Label {
+  int place;
+  const char* label;
+  int meant;
+};
+
+TEST(KeyMeant, isByLabelForLettersAndSignsAndByPlaceForDigitsAndOtherScripts) {
+  // as glfwGetKeyName gives them on setxkbmap's us, fr, de, us(dvorak), ara
+  for (const auto& [place, label, meant] :
+       {Label{'W', "w", 'W'}, Label{'W', "z", 'Z'}, Label{'Z', "w", 'W'}, Label{'Y', "z", 'Z'},
+        Label{',', "w", 'W'}, Label{'W', ",", ','}, Label{'M', ",", ','}, Label{';', "m", 'M'},
+        Label{'1', "&", '1'}, Label{'6', "-", '6'}, Label{'2', "é", '2'}, Label{'1', "١", '1'},
+        Label{'W', "ص", 'W'}, Label{'W', nullptr, 'W'}, Label{'W', "", 'W'}, Label{']', "+", '='},
+        Label{'/', "-", '-'}, Label{'=', "=", '='}, Label{'[', "ü", '['}})
+    EXPECT_EQ(keyMeant(place, label), meant) << static_cast<char>(place) << " " << (label ? label : "-");
+}
+
 }  // namespace
 }  // namespace needlelab

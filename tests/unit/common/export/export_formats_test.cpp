@@ -113,10 +113,29 @@ const ExportFormat& formatAt(ExportPlace place, std::string_view name) {
 }
 
 TEST(ExportFormats, samplesAsCsvAreRowsBelowAHeader) {
-  const std::string text = written(*formatAt(kSessionExport, "csv").samples());
+  const std::string text = written(*formatAt(kWebSamples, "csv").samples());
   EXPECT_TRUE(text.starts_with("t_s,tick,time_ns,px_m,"));
   EXPECT_THAT(text, HasSubstr("\n0.001,1,6000000,0,"));
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3);
+}
+
+TEST(ExportFormats, aSpreadsheetHasOfEach4msTheSampleWithTheGreatestForce) {
+  const auto writer = formatAt(kSessionExport, "csv").samples();
+  std::string text;
+  writer->begin(text, {});
+  const double force_N[] = {1, 3, 2, 3, 0, 0, 0, 0, 5};  // at 0, 1, … ms
+  for (std::size_t ms = 0; ms < std::size(force_N); ++ms) {
+    GestureSample sample;
+    sample.tick = ms;
+    sample.time_ns = 7'000'000'000 + static_cast<std::int64_t>(ms) * 1'000'000;
+    sample.force_W_N[2] = -force_N[ms];
+    writer->add(text, sample, 7'000'000'000);
+  }
+  writer->end(text);
+  std::vector<std::string> rows;
+  std::stringstream lines(text);
+  for (std::string line; std::getline(lines, line);) rows.push_back(line.substr(0, line.find(",70")));
+  EXPECT_THAT(rows, testing::ElementsAre(testing::StartsWith("t_s,tick"), "0.001,1", "0.004,4", "0.008,8"));
 }
 
 TEST(ExportFormats, samplesAsJsonHaveTheSessionAndTheRows) {

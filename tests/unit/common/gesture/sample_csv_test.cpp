@@ -46,8 +46,21 @@ TEST(SampleCsv, rowIsWrittenAsExpected) {
   std::string text;
   appendSampleCsvRow(text, exampleSample(), 9'000'000'000'000'000);
   EXPECT_EQ(text,
-            "0.0015,18446744073709551615,9000000001500000,0.10000000000000001,0,0,0,0,-0.5,1,0.25,0,-3,0,0,0,"
+            "0.0015,18446744073709551615,9000000001500000,0.1,0,0,0,0,-0.5,1,0.25,0,-3,0,0,0,"
             "0.0001,nan,nan,nan,3,-1,0.02,0.001,1,5,-7,20,65536,2\n");
+}
+
+TEST(SampleCsv, aRoundedRowHasTheDecimalsOfItsColumnsAndEmptyCells) {
+  GestureSample s = exampleSample();
+  std::ranges::copy(std::vector{0.03123449, -0.0000004, 2.0}, s.p_WT_m);
+  s.q_WT[0] = 1.0 / 3;
+  std::ranges::copy(std::vector{2.533004, -0.0004, 1e3}, s.force_W_N);
+  std::string text;
+  appendRoundedCsvRow(text, s, 9'000'000'000'000'000);
+  EXPECT_EQ(
+      text,
+      "0.0015,18446744073709551615,9000000001500000,0.031234,0,2,0.33333,0,-0.5,1,0.25,2.533,0,1000,0,0,"
+      "0.0001,,,,3,-1,0.02,0.001,1,5,-7,20,65536,2\n");
 }
 
 TEST(SampleCsv, jsonHasTheSameNamesAndNoNan) {
@@ -57,7 +70,7 @@ TEST(SampleCsv, jsonHasTheSameNamesAndNoNan) {
   appendSampleJson(text, s, 9'000'000'001'500'000);
   EXPECT_EQ(
       text,
-      R"({"t_s":0,"tick":18446744073709551615,"time_ns":9000000001500000,"px_m":0.10000000000000001,"py_m":0,"pz_m":0,)"
+      R"({"t_s":0,"tick":18446744073709551615,"time_ns":9000000001500000,"px_m":0.1,"py_m":0,"pz_m":0,)"
       R"("qx":0,"qy":0,"qz":-0.5,"qw":1,"speed_m_s":0.25,"fx_n":null,"fy_n":-3,"fz_n":0,"tx_nm":0,"ty_nm":0,"tz_nm":0.0001,)"
       R"("wx_m":null,"wy_m":null,"wz_m":null,"phase":3,"layer":-1,"insertion_m":0.02,"lateral_error_m":0.001,"plunger":1,)"
       R"("buttons":5,"device_ns":-7,"engine_ns":20,"flags":65536,"fault":2})");

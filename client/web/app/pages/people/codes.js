@@ -1,4 +1,5 @@
 // Codes of trainees: a PIN, or what a badge reader types. One person's code, and whether the lab requires codes.
+import { digitOnTheKey } from '../../lib/presses.js';
 import { lab, people } from '../../net/requests.js';
 import { announce, DangerButton, Dialog, Loaded, Mark, Problem } from '../../ui/widgets.js';
 import { CheckField, TextField } from '../../ui/fields.js';
@@ -45,6 +46,7 @@ export function CodeForm({ shown, load }) {
       <${TextField}
         label="Badge or PIN"
         help="4 to 64 characters; hold the badge to a reader here"
+        onKeyDown=${digitOnTheKey(setCode)}
         type="password"
         autocomplete="new-password"
         path="code"

@@ -199,6 +199,25 @@ TEST_F(Screens, startAcceptsABadgeAtOnceForAKnownCode) {
   EXPECT_EQ(request.code, "badge-4711");
 }
 
+TEST_F(Screens, startReadsABadgeOnAFrenchKeyboardAndDigitsOfAnyScript) {
+  showStart();
+  askForCode(false);
+  picture();
+  // a reader's 471221, which AZERTY turns into the signs below the digits
+  const std::pair<int, const char*> keys[] = {{GLFW_KEY_4, "'"}, {GLFW_KEY_7, "è"}, {GLFW_KEY_1, "&"},
+                                              {GLFW_KEY_2, "é"}, {GLFW_KEY_2, "é"}, {GLFW_KEY_1, "&"}};
+  for (const auto& [key, sign] : keys) {
+    surface_->setKey(key, true);
+    surface_->typeText(sign);
+    surface_->setKey(key, false);
+  }
+  picture(14);
+  surface_->typeText("٣&");  // without a digit's key: as typed
+  picture(2);
+  press(screen(), GLFW_KEY_ENTER);
+  EXPECT_EQ(board_.waitForRequest(0ms).code, "4712213&");
+}
+
 TEST_F(Screens, startReportsAWrongCodeAndClearsTheField) {
   showStart();
   askForCode(false);

@@ -9,6 +9,13 @@
 namespace needlelab {
 namespace {
 
+TEST(AsciiDigits, areThoseOfAnyScriptAndTheRestStays) {
+  EXPECT_EQ(asciiDigits("٤٧١٢٢١"), "471221");
+  EXPECT_EQ(asciiDigits("۴۷ ४७ ４７"), "47 47 47");
+  EXPECT_EQ(asciiDigits("é-7ab²"), "é-7ab²");
+  EXPECT_EQ(asciiDigits("\xd9"), "\xd9") << "half a character";
+}
+
 TEST(Text, charactersAreCountedNotBytes) {
   const std::pair<std::string_view, std::size_t> counts[] = {
       {"", 0}, {"force", 5}, {"\u00b5m", 2}, {"N\u00b7m", 3}, {"\u2264 4 \u20ac", 5}, {"\U0001f489", 1}};
