@@ -9,9 +9,32 @@
 
 namespace needlelab {
 
-Result<Endpoint> parseEndpoint(std::string_view text) {
+namespace {
+
+std::string_view withoutBlanks(std::string_view text) {
+  while (!text.empty() && text.front() == ' ') text.remove_prefix(1);
+  while (!text.empty() && text.back() == ' ') text.remove_suffix(1);
+  return text;
+}
+
+}  // namespace
+
+Result<Endpoint> parseEndpoint(std::string_view typed) {
+  std::string_view text = withoutBlanks(typed);
+  if (const auto scheme = text.find("://");
+      scheme != std::string_view::npos || text.find('#') != std::string_view::npos) {
+    std::string_view host = scheme == std::string_view::npos ? text : text.substr(scheme + 3);
+    host = host.substr(0, host.find_first_of(host.starts_with('[') ? "]/#" : ":/#"));
+    return Error{
+        ErrorCode::kInvalidInput,
+        fmt::format("'{}' is the address of a page for browsers: programs take HOST:PORT with the port for "
+                    "stations, e.g. {}{}:7750",
+                    typed, host.empty() ? "lab.example" : host, host.starts_with('[') ? "]" : "")};
+  }
+  if (text.starts_with("//")) text.remove_prefix(2);
+  if (text.ends_with('/')) text.remove_suffix(1);
   const auto bad = [&](const char* why) {
-    return Error{ErrorCode::kInvalidInput, "'" + std::string(text) + "' is no HOST:PORT (" + why +
+    return Error{ErrorCode::kInvalidInput, "'" + std::string(typed) + "' is no HOST:PORT (" + why +
                                                "), e.g. 127.0.0.1:7750 or [::1]:7750"};
   };
   Endpoint endpoint;
@@ -30,8 +53,8 @@ Result<Endpoint> parseEndpoint(std::string_view text) {
     }
   } else if (const auto colon = text.find(':'); colon != std::string_view::npos) {
     if (text.find(':', colon + 1) != std::string_view::npos) return bad("an IPv6 address needs brackets");
-    host = text.substr(0, colon);
-    port = text.substr(colon + 1);
+    host = withoutBlanks(text.substr(0, colon));
+    port = withoutBlanks(text.substr(colon + 1));
     if (port.empty()) return bad("no port after the colon");
   }
   if (host.empty()) return bad("no host");
@@ -70,8 +93,7 @@ Result<Endpoints> parseEndpoints(std::string_view text) {
     const auto comma = rest.find(',');
     std::string_view entry = rest.substr(0, comma);
     if (is_list) {
-      while (!entry.empty() && entry.front() == ' ') entry.remove_prefix(1);
-      while (!entry.empty() && entry.back() == ' ') entry.remove_suffix(1);
+      entry = withoutBlanks(entry);
       if (entry.empty()) return bad("an entry is empty");
     }
     ASSIGN_OR_RETURN(auto endpoint, parseEndpoint(entry));

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "common/base/time/clock.h"
+#include "common/wire/x509.h"
 
 #if defined(__aarch64__)
 #include <asm/hwcap.h>
@@ -149,12 +150,13 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca) {
   auto context = newContext(asio::ssl::context::tls_client);
   if (!context) return context;
   boost::system::error_code error;
-  (*context)->load_verify_file(ca.string(), error);
-  if (error) return fileError("the CA's certificate", ca, error);
+  X509_STORE* const store = SSL_CTX_get_cert_store((*context)->native_handle());
+  ASSIGN_OR_RETURN(const auto certificates, x509::loadCertificates(ca));
+  for (const auto& certificate : certificates)
+    if (X509_STORE_add_cert(store, certificate.get()) != 1) return opensslError("using the CA's certificate");
   // OpenSSL parses a certificate's extensions on first use: force it now, before threads share the
   // certificate
-  const STACK_OF(X509_OBJECT)* const known =
-      X509_STORE_get0_objects(SSL_CTX_get_cert_store((*context)->native_handle()));
+  const STACK_OF(X509_OBJECT)* const known = X509_STORE_get0_objects(store);
   for (int i = 0; i < sk_X509_OBJECT_num(known); ++i)
     if (X509* const certificate = X509_OBJECT_get0_X509(sk_X509_OBJECT_value(known, i)))
       X509_check_purpose(certificate, -1, 0);

@@ -52,9 +52,13 @@ Result<std::vector<Certificate>> loadCertificates(const std::filesystem::path& p
   std::vector<Certificate> certificates;
   while (Certificate next{PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr)})
     certificates.push_back(std::move(next));
+  if (certificates.empty()) {  // DER, as browsers save a certificate
+    const Bio der(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
+    if (Certificate one{d2i_X509_bio(der.get(), nullptr)}) certificates.push_back(std::move(one));
+  }
   ERR_clear_error();  // the end of the file
   if (certificates.empty())
-    return Error{ErrorCode::kInvalidInput, path.string() + " holds no certificate (PEM)"};
+    return Error{ErrorCode::kInvalidInput, path.string() + " holds no certificate (PEM or DER)"};
   return certificates;
 }
 

@@ -36,7 +36,8 @@ Error opensslError(const std::string& doing);
 
 bool isAddress(const std::string& host);
 
-/// Reads every certificate of a PEM file, at least one. Errors: kInvalidInput with the file.
+/// Reads every certificate of a PEM file, at least one, or the one of a DER file. Errors: kInvalidInput with
+/// the file.
 Result<std::vector<Certificate>> loadCertificates(const std::filesystem::path& path);
 /// Reads the first certificate of a file.
 Result<Certificate> loadCertificate(const std::filesystem::path& path);

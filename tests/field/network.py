@@ -1,6 +1,10 @@
 """Ports, proxies, signals and TLS."""
+import contextlib
 import signal
+import socket
+import ssl
 import subprocess
+import threading
 
 from lab import says
 
@@ -32,6 +36,46 @@ def rows(lab):
     yield "answers have the date", lambda: "" if "\r\nDate: " in (got := lab.get("/")) else got[:300]
     yield "a WebSocket without a key is refused", lambda: "" if " 101 " not in (
         got := lab.get("/api/v1/live", "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: x\r\n"))[:20] else got[:200]
+
+    def server(address, code, words):
+        lab.start()
+        return says(asked(address.format(port=lab.port), lab.ca), code, words)
+
+    def asked(address, ca):
+        return lab.programs.run("admin", "--server", address, "--ca", ca, "--user", "boss", "--password-file", lab.password, "user", "list")
+
+    for address in ("//localhost:{port}", "localhost:{port}/", " localhost : {port} "):
+        yield f"--server '{address}' is taken", lambda address=address: server(address, 0, "boss")
+    for address in ("https://localhost", "https://localhost:{port}/#/people", "localhost:{port}/#/people"):
+        yield f"--server '{address}' is a browser's: it says what to write", lambda address=address: server(address, 2, "e.g. localhost:7750")
+
+    def der():
+        lab.start()
+        ca = lab.programs.folder / "ca.cer"
+        ca.write_bytes(ssl.PEM_cert_to_DER_cert(lab.ca.read_text()))
+        return says(asked(f"localhost:{lab.port}", ca), 0, "boss")
+
+    yield "--ca as a browser saves it (DER) is taken", der
+
+    def self_signed():
+        lab.start()
+        key, own = lab.programs.folder / "own.key", lab.programs.folder / "own.crt"
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", key, "-out", own,
+                        "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"], check=True, capture_output=True)
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(own, key)
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            def answer():
+                connection, _ = listener.accept()
+                with contextlib.suppress(OSError), context.wrap_socket(connection, server_side=True) as tls:
+                    tls.recv(1)
+            answering = threading.Thread(target=answer)
+            answering.start()
+            said = asked(f"localhost:{listener.getsockname()[1]}", lab.ca)
+            answering.join()
+        return says(said, 1, "is not signed by the CA of --ca")
+
+    yield "a server with a certificate of its own is not the lab's", self_signed
 
     def groups(name, port):
         lab.start()

@@ -138,6 +138,7 @@ Error certificateRefused(long verdict, const Endpoint& server, const Error& why)
                                       server.host};
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
     case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
+    case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
     case X509_V_ERR_CERT_SIGNATURE_FAILURE:
       return {ErrorCode::kDenied, whose +
                                       ": its certificate is not signed by the CA of --ca; is that the "

@@ -14,12 +14,30 @@ TEST(Endpoint, namesAndAddressesWithAndWithoutPort) {
   };
   for (const Case& c : {Case{"127.0.0.1:7750", "127.0.0.1", 7750}, Case{"lab.example", "lab.example", 7750},
                         Case{"[::1]:80", "::1", 80}, Case{"[fe80::1]", "fe80::1", 7750}, Case{"h:0", "h", 0},
-                        Case{"h:65535", "h", 65535}}) {
+                        Case{"h:65535", "h", 65535},
+                        Case{" lab.example :\x20"
+                             "7751 ",
+                             "lab.example", 7751},
+                        Case{"//lab:7751/", "lab", 7751}, Case{"lab/", "lab", 7750}}) {
     const auto endpoint = parseEndpoint(c.text);
     ASSERT_TRUE(endpoint.ok()) << c.text;
     EXPECT_EQ(endpoint->host, c.host);
     EXPECT_EQ(endpoint->port, c.port);
     EXPECT_EQ(parseEndpoint(endpointText(*endpoint))->host, c.host);
+  }
+}
+
+TEST(Endpoint, anAddressFromABrowserIsExplainedWithTheRightOne) {
+  for (const auto& [text, right] : {std::pair{"https://lab.example", "lab.example:7750"},
+                                    {"https://lab.example:8443/#/people", "lab.example:7750"},
+                                    {"lab.example/#/people", "lab.example:7750"},
+                                    {"https://[::1]:8443/", "[::1]:7750"},
+                                    {"https://", "lab.example:7750"}}) {
+    const auto endpoint = parseEndpoint(text);
+    ASSERT_FALSE(endpoint.ok()) << text;
+    EXPECT_THAT(endpoint.error().message,
+                testing::StartsWith("'" + std::string(text) + "' is the address of a page"));
+    EXPECT_THAT(endpoint.error().message, testing::EndsWith("e.g. " + std::string(right)));
   }
 }
 
@@ -40,7 +58,7 @@ TEST(Endpoints, aSingleEndpointIsReadAsBefore) {
   ASSERT_TRUE(one.ok()) << one.error().message;
   ASSERT_EQ(one->size(), 1u);
   EXPECT_EQ(endpointsText(*one), "lab.example:7751");
-  for (const char* text : {"", " a:1", "h:x", "a b:80"})
+  for (const char* text : {"", "h:x", "a b:80"})
     EXPECT_EQ(parseEndpoints(text).error().message, parseEndpoint(text).error().message) << text;
 }
 
