@@ -88,18 +88,17 @@ class UplinkClockTest : public testing::Test {
 };
 
 TEST(UplinkState, knowsTheServersTimeUntilTheComputerSlept) {
-  constexpr std::int64_t kMin_ns = 60'000'000'000, kHour_ns = 60 * kMin_ns;
+  constexpr std::int64_t kMinute = 60'000'000'000, kHour = 60 * kMinute;
   UplinkState state;
   EXPECT_FALSE(state.serverUnixNs(1, 2));
   // at the Welcome: steady 5 h, the server's clock 1000 h, this computer's 3 h ahead of it
-  state.server_minus_steady_ns = 995 * kHour_ns;
-  state.wall_ahead_ns = 3 * kHour_ns;
-  EXPECT_EQ(state.serverUnixNs(5 * kHour_ns, 1003 * kHour_ns), 1000 * kHour_ns);
-  EXPECT_EQ(state.serverUnixNs(7 * kHour_ns, 1005 * kHour_ns), 1002 * kHour_ns) << "two hours later";
-  EXPECT_EQ(state.serverUnixNs(7 * kHour_ns, 1002 * kHour_ns), 1002 * kHour_ns)
-      << "someone set the clock right";
-  EXPECT_EQ(state.serverUnixNs(7 * kHour_ns, 1005 * kHour_ns + kMin_ns - 1), 1002 * kHour_ns);
-  EXPECT_FALSE(state.serverUnixNs(7 * kHour_ns, 1005 * kHour_ns + kMin_ns)) << "it slept for a minute";
+  state.server_minus_steady_ns = 995 * kHour;
+  state.wall_ahead_ns = 3 * kHour;
+  EXPECT_EQ(state.serverUnixNs(5 * kHour, 1003 * kHour), 1000 * kHour);
+  EXPECT_EQ(state.serverUnixNs(7 * kHour, 1005 * kHour), 1002 * kHour) << "two hours later";
+  EXPECT_EQ(state.serverUnixNs(7 * kHour, 1002 * kHour), 1002 * kHour) << "someone set the clock right";
+  EXPECT_EQ(state.serverUnixNs(7 * kHour, 1005 * kHour + kMinute - 1), 1002 * kHour);
+  EXPECT_FALSE(state.serverUnixNs(7 * kHour, 1005 * kHour + kMinute)) << "it slept for a minute";
 }
 
 TEST_F(UplinkClockTest, aStatusLineComesEvery100msSometimesWithAProbe) {
