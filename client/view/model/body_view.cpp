@@ -124,6 +124,36 @@ Candidate candidateOf(const Field& field, StructureIndex structure, const FieldB
   return one;
 }
 
+/// Draws the sharp rim of a sheet as a line: a net's vertices there lie on either side of it by turns, up to
+/// a cell apart. Moves each to the mean of its neighbours on the rim, by at most some tenths of a millimetre.
+void smoothRims(SurfaceMesh& mesh) {
+  constexpr double kSharp = 0.6;  // cosine between the normals at both ends of an edge
+  constexpr int kPasses = 3;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;  // of the rims; each from both of its sides
+  std::vector<bool> rim(mesh.vertices.size());
+  const auto eachEdge = [&mesh](auto&& take) {
+    for (const auto& [a, b, c] : mesh.triangles)
+      for (const auto& [from, to] : {std::pair{a, b}, std::pair{b, c}, std::pair{c, a}}) take(from, to);
+  };
+  eachEdge([&](std::uint32_t a, std::uint32_t b) {
+    if (dot(mesh.vertices[a].normal, mesh.vertices[b].normal) < kSharp) rim[a] = rim[b] = true;
+  });
+  eachEdge([&](std::uint32_t a, std::uint32_t b) {
+    if (rim[a] && rim[b]) edges.emplace_back(a, b);
+  });
+  for (int pass = 0; pass < kPasses; ++pass) {
+    std::vector<std::pair<Vec3, int>> sums(mesh.vertices.size());
+    for (const auto& [a, b] : edges)
+      for (const auto& [to, from] : {std::pair{a, b}, std::pair{b, a}}) {
+        sums[to].first = sums[to].first + mesh.vertices[from].p_m;
+        ++sums[to].second;
+      }
+    for (std::size_t i = 0; i < sums.size(); ++i)
+      if (sums[i].second > 0)
+        mesh.vertices[i].p_m = (mesh.vertices[i].p_m + sums[i].first / sums[i].second) * 0.5;
+  }
+}
+
 /// The skin beyond the ball, in which the fine one is.
 Mesh farSkinOf(const SceneView& scene, std::size_t triangles) {
   const Field& field = scene.body->field();
@@ -211,10 +241,11 @@ BodyMeshes bodyMeshesOf(const SceneView& scene, const BodyMeshBudget& budget) {
     darkenHollows(meshes.bones, field, bones);
   }
   const auto add = [&](const Candidate& one, double coarser) {
-    meshes.parts.push_back(
-        {one.structure,
-         meshOf(surfaceNet(field, maskOf(one.structure),
-                           {.cell_m = one.cell_m * coarser, .grown_m = one.grown_m, .within = within}))});
+    SurfaceMesh surface =
+        surfaceNet(field, maskOf(one.structure),
+                   {.cell_m = one.cell_m * coarser, .grown_m = one.grown_m, .within = within});
+    if (structureKind(scene.layers[one.structure].kind).shape == StructureShape::kSolid) smoothRims(surface);
+    meshes.parts.push_back({one.structure, meshOf(surface)});
   };
   // bursae, which are often aimed at, then those with few triangles
   std::sort(solids.begin(), solids.end(), [&](const Candidate& a, const Candidate& b) {

@@ -189,6 +189,10 @@ def canal(v, p, spine):
                              (*spine.at(arc, 70, side * 43, spine.body - 8), 0.8)])
 
 
+def belly_mm(p):
+    return 0.38 * p.waist
+
+
 def around(v, p, spine):
     back = -(p.skin + p.fat)
     whole = p.ridge + 4
@@ -211,6 +215,8 @@ def around(v, p, spine):
     v.half_space("levels", (0, 0, 0), (1, 0, 0))
     v.half_space("behind", (0, 0, -p.depth - 11), (0, 0, 1))
     v.half_space("front", (0, 0, spine.body + 8), (0, 0, -1))
+    belly = belly_mm(p)                                 # its back is rounded beside the muscles
+    along("cavity", p.waist - belly - p.fat - 16, spine.body + 8 - belly, belly, blend=60)
 
 
 def looks(v, p):
@@ -272,7 +278,8 @@ def volume(p):
     v.rule("fascia", "skin", -p.skin - p.fat - 1, None, ("front", None, 0))
     for muscle in ("multifidus", "erector", "psoas"):
         v.rule(muscle, muscle, None, 0)
-    v.rule("viscera", "front", 0, None, ("skin", None, -p.skin - p.fat - 14))
+    for group, low, high in (("cavity", None, 0), ("front", belly_mm(p), None)):
+        v.rule("viscera", group, low, high, ("skin", None, -p.skin - p.fat - 14))
     v.describe(KINDS, FIBRES, {})
     return v
 

@@ -175,7 +175,7 @@ def soft(v, p, q):
     v.half_space("cuff-extent", at(0, 7, 27), (0, 0.85, -0.53))
     v.half_space("cuff-extent", at(0, -6, 0), (0, 1, 0.35))
     v.half_space("above-recess", at(0, -6, 0), (0, 1, 0.35))
-    v.half_space("outer", at(0, 0, -14), (0, 0, 1))
+    v.ellipsoid("outer", at(0, -12, 40), (75 * s, 140 * s, 54 * s))     # the deltoid's rounded inner bound
     v.half_space("articular-side", at(-1.5, 2.5, -4), (-0.3, 0.5, -0.81))
     v.ellipsoid("under-acromion", (-0.06 * p.acromion_length, y, q.edge - 0.5 * p.acromion_breadth),
                 (0.6 * p.acromion_length, 50, 0.5 * p.acromion_breadth))
@@ -271,7 +271,7 @@ def volume(p):
     v.rule("fascia", "skin", -p.skin - p.fat - p.fascia, None)
     v.rule("belly", "bellies", None, 0)
     v.rule("axilla", "axilla", None, 0)
-    v.rule("deltoid", "deltoid", None, 0, ("outer", 0, None))
+    v.rule("deltoid", "deltoid", None, 0, ("outer", None, 0))
     v.describe(KINDS, FIBRES, PULSES)
     return v
 
