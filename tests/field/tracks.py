@@ -76,7 +76,7 @@ def recorded(lab):
             once["id"] = lab.admin("session", "list", "--trainee", "tom").out.splitlines()[1].split()[0]
             lab.admin("profile", "export", "shoulder-adult", "--out", folder / "p.json")
             for ending, kind in (("nlrec", "recording"), ("csv", "csv")):
-                lab.admin("session", "export", once["id"], "--format", kind, "--out", folder / f"whole.{ending}")
+                lab.admin("session", "export", once["id"], "--every-tick", "--format", kind, "--out", folder / f"whole.{ending}")
             once["server"] = lab.admin("session", "score", once["id"]).out
         return once["id"]
 

@@ -39,7 +39,7 @@ def hdf5(held, lab, s, node):
     """Each value of each column, rounded to the column's resolution; sizes and times are printed."""
     ident, place = s["uuid"], lab.folder / s["uuid"]
     for ending in ("csv", "json", "h5"):
-        lab.admin("session", "export", ident, "--out", f"{place}.{ending}")
+        lab.admin("session", "export", ident, "--every-tick", "--out", f"{place}.{ending}")
     head, *rows = table(f"{place}.csv")
     told = json.loads(pathlib.Path(f"{place}.json").read_text())["session"]
     with h5py.File(f"{place}.h5") as file:
