@@ -99,6 +99,15 @@ class RunCtest(unittest.TestCase):
             self.assertEqual((code, lines[-1]), (8, "1 failed: bad"), properties)
             self.assertEqual(len(runs), 1, properties)
 
+    def test_what_failed_in_a_program_of_node_is_printed_however_much_follows(self):
+        told = ["not ok 3 - a list", "  ---", "  failureType: 'testCodeFailure'", "  error: 'seven is not eight'"]
+        with tempfile.TemporaryDirectory() as folder:
+            pathlib.Path(folder, "out").write_text("\n".join(told + [f"ok {i}" for i in range(100)]), encoding="utf-8")
+            _, lines = run(f'add_test(web sh -c "cat {folder}/out; exit 1")')
+        self.assertIn("  not ok 3 - a list", lines)
+        self.assertIn("    error: 'seven is not eight'", lines)
+        self.assertIn("  ok 99", lines)
+
     def test_false_fails_however_busy_the_machine_is(self):
         busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
         try:
