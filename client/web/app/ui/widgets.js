@@ -1,5 +1,5 @@
 // The parts of every page: heading, problem, table, dialog, notice, list in pages, download.
-import { html, useCallback, useEffect, useState } from './html.js';
+import { html, useCallback, useEffect, useId, useState } from './html.js';
 import { store } from '../lib/store.js';
 import { newest } from '../lib/units.js';
 import { useAction, useLoad, useModal } from './hooks.js';
@@ -111,17 +111,18 @@ export function Table({ caption, head, children, class: name = '', hide_caption 
 
 /** A question or a form above the page. Escape and Cancel close it; the focus goes back to where it was. */
 export function Dialog({ title, close, children, wide }) {
-  const element = useModal();
+  const element = useModal(),
+    id = useId();
   return html`<dialog
     ref=${element}
     class=${wide ? 'wide' : ''}
-    aria-labelledby="dialog-title"
+    aria-labelledby=${id}
     onCancel=${(event) => {
       event.preventDefault();
       close?.();
     }}
   >
-    <h2 id="dialog-title">${title}</h2>
+    <h2 id=${id}>${title}</h2>
     ${children}
   </dialog>`;
 }
@@ -178,6 +179,23 @@ export function DangerButton({ text, label, small, disabled, title, word = text,
       <//>`
     }
   `;
+}
+
+/**
+ * In a form: says that its draft is back. In a dialog not above the fields, the first of which gets the focus.
+ * @param {{draft: {back: boolean, discard?: () => void}}} props
+ */
+export function DraftBack({ draft: { back, discard } }) {
+  if (!back) return null;
+  return html`<div class="hint draft-back" role="status">
+    <p>Your draft is back.</p>
+    ${
+      discard &&
+      html`<${DangerButton} small text="Discard" label="Discard the draft" title="Discard the draft?" act=${discard}>
+        What you typed here and did not save is lost.
+      <//>`
+    }
+  </div>`;
 }
 
 /** @type {ReturnType<typeof store<{text: string, at: number}>>} */
