@@ -1,5 +1,5 @@
-// Drafts: what was typed into a form and is not saved yet. They are kept in this tab's storage, for each person separately,
-// until they are saved or discarded, or the person logs out. Never for passwords and codes of a form's own fields.
+// Drafts: a form's unsaved entries, kept in this tab's storage, for each person separately, until they are saved or
+// discarded, or the person logs out. Fields for passwords and codes have none.
 
 const kPlace = 'needlelab draft ';
 const placeOf = (who, name) => `${kPlace}${JSON.stringify(who)} ${name}`;
@@ -34,7 +34,7 @@ export function draftAt(who, name, storage = ofTab()) {
       try {
         storage?.setItem(place, JSON.stringify(kept));
       } catch {
-        // the storage is full: what it had is not what is typed now
+        // the storage is full, and its version is older than the form's
         storage?.removeItem(place);
       }
     },
