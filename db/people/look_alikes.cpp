@@ -94,6 +94,11 @@ Status checkNewNames(Connection& connection, Thing thing, std::string_view id, s
   return names.checkNew(id, title);
 }
 
+Status checkSpelling(Connection& connection, Thing thing, std::string_view id) {
+  ASSIGN_OR_RETURN(const auto names, ThingNames::read(connection, thing));
+  return names.question(id).empty() ? Status() : names.require(id);
+}
+
 Status requireThing(Connection& connection, Thing thing, std::string_view id) {
   ASSIGN_OR_RETURN(const auto names, ThingNames::read(connection, thing));
   return names.require(id);

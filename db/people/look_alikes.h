@@ -41,6 +41,9 @@ class ThingNames {
 /// ThingNames::checkNew(). Thread: as the connection; also for requireThing().
 Status checkNewNames(Connection& connection, Thing thing, std::string_view id, std::string_view title);
 
+/// For a filter that found nothing. kNotFound: `id` is not stored, but looks like one that is.
+Status checkSpelling(Connection& connection, Thing thing, std::string_view id);
+
 /// ThingNames::require().
 Status requireThing(Connection& connection, Thing thing, std::string_view id);
 

@@ -3,21 +3,11 @@ import { traineeName } from '../lib/lab.js';
 import { href } from '../lib/routes.js';
 import { fromInput, moment } from '../lib/time.js';
 import { assignments, documents, exercises, groups, people } from '../net/requests.js';
-import {
-  announce,
-  DangerButton,
-  DraftBack,
-  Empty,
-  Heading,
-  Loaded,
-  Mark,
-  Problem,
-  Table,
-  usePages,
-} from '../ui/widgets.js';
+import { announce, DangerButton, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
-import { useAction, useDraft, useLoad } from '../ui/hooks.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 
 /** A choice such as "course:basics": its kind and its id. */

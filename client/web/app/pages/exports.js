@@ -4,10 +4,11 @@ import { may } from '../lib/roles.js';
 import { counted } from '../lib/units.js';
 import { address } from '../net/api.js';
 import { documents, exercises, groups, studyRecords } from '../net/requests.js';
-import { DraftBack, Heading, Loaded, Problem, saveAs } from '../ui/widgets.js';
+import { Heading, Loaded, Problem, saveAs } from '../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
-import { useAction, useDraft, useLoad } from '../ui/hooks.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
 /** What a file of records holds, by the format's name; the browser writes it. */

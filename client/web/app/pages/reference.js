@@ -6,19 +6,10 @@ import { layerNames } from '../lib/tissue.js';
 import { clock, moment } from '../lib/time.js';
 import { counted, number } from '../lib/units.js';
 import { documents, exercises, measures, references, sessions } from '../net/requests.js';
-import {
-  announce,
-  DraftBack,
-  Empty,
-  Heading,
-  Loaded,
-  number as right,
-  Problem,
-  Table,
-  usePages,
-} from '../ui/widgets.js';
+import { announce, Empty, Heading, Loaded, number as right, Problem, Table, usePages } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
-import { useAction, useDraft, useLoad } from '../ui/hooks.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 import { Verdict } from './sessions.js';
 

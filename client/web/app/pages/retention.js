@@ -3,20 +3,10 @@ import { may } from '../lib/roles.js';
 import { moment } from '../lib/time.js';
 import { bytes, number } from '../lib/units.js';
 import { exercises, lab, retention } from '../net/requests.js';
-import {
-  announce,
-  Confirm,
-  DangerButton,
-  DraftBack,
-  Empty,
-  Heading,
-  Loaded,
-  Mark,
-  Problem,
-  Table,
-} from '../ui/widgets.js';
+import { announce, Confirm, DangerButton, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, NumberField, SelectField } from '../ui/fields.js';
-import { draftOf, useAction, useDraft, useExerciseName, useLoad } from '../ui/hooks.js';
+import { DraftBack, draftOf, useDraft } from '../ui/draft.js';
+import { useAction, useExerciseName, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
 const days = (n) => `${number(n, 6)} ${n === 1 ? 'day' : 'days'}`;

@@ -5,9 +5,10 @@ import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
-import { useAction, useDraft, useEvery, useLoad } from '../ui/hooks.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
-import { DraftBack, Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
+import { Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
 import { CodesRequired } from './people/codes.js';
 
 /** Shows that a long task is running: a moving bar and the time taken so far. */

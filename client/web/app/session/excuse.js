@@ -1,9 +1,10 @@
 // Excuses an attempt, for instance one in which the station failed: it does not count.
 import { traineeName } from '../lib/lab.js';
 import { sessions } from '../net/requests.js';
-import { announce, Dialog, DraftBack, Problem } from '../ui/widgets.js';
+import { announce, Dialog, Problem } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
-import { useAction, useDraft } from '../ui/hooks.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
 function Reason({ attempt, close, done }) {

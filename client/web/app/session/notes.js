@@ -3,9 +3,10 @@ import { may } from '../lib/roles.js';
 import { clock, moment } from '../lib/time.js';
 import { atStart, quantity, words } from '../lib/units.js';
 import { sessions } from '../net/requests.js';
-import { announce, DraftBack, Empty, Loaded, number, Problem, Table } from '../ui/widgets.js';
+import { announce, Empty, Loaded, number, Problem, Table } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
-import { useAction, useDraft, useLoad } from '../ui/hooks.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction, useLoad } from '../ui/hooks.js';
 import { html } from '../ui/html.js';
 
 /** @param {{id: string, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */

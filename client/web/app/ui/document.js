@@ -3,7 +3,8 @@ import { merge, resolved, same } from '../lib/diff.js';
 import { isObject } from '../lib/shape.js';
 import { documents } from '../net/requests.js';
 import { announce } from './widgets.js';
-import { draftOf, useAction } from './hooks.js';
+import { draftOf } from './draft.js';
+import { useAction } from './hooks.js';
 import { useCallback, useEffect, useMemo, useState } from './html.js';
 
 /**

@@ -181,23 +181,6 @@ export function DangerButton({ text, label, small, disabled, title, word = text,
   `;
 }
 
-/**
- * In a form: says that its draft is back. In a dialog not above the fields, the first of which gets the focus.
- * @param {{draft: {back: boolean, discard?: () => void}}} props
- */
-export function DraftBack({ draft: { back, discard } }) {
-  if (!back) return null;
-  return html`<div class="hint draft-back" role="status">
-    <p>Your draft is back.</p>
-    ${
-      discard &&
-      html`<${DangerButton} small text="Discard" label="Discard the draft" title="Discard the draft?" act=${discard}>
-        What you typed here and did not save is lost.
-      <//>`
-    }
-  </div>`;
-}
-
 /** @type {ReturnType<typeof store<{text: string, at: number}>>} */
 export const notice = store({ text: '', at: 0 });
 

@@ -44,7 +44,7 @@ struct ImportRow {
   bool code_taken = false;  ///< the code is accepted as the person's
   /// What a person should look at before the import, and its column.
   std::string question, asked_column;
-  std::vector<std::string> new_groups;  ///< those of `groups` that are not stored yet
+  std::vector<std::string> new_groups;  ///< those of `groups` that neither the store nor an earlier row has
 
   /// For compared rows: see people_import.cpp.
   [[nodiscard]] bool givesRights() const {

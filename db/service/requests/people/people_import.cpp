@@ -46,12 +46,11 @@ class PeopleImporter {
     std::size_t giving = 0;
     ASSIGN_OR_RETURN(auto groups, ThingNames::read(connection, Thing::kGroup));
     ASSIGN_OR_RETURN(const auto there, numbers(connection));
-    std::set<std::string> new_groups;
     for (ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::FAULT) continue;
       row.new_groups.clear();
       RETURN_IF_ERROR(compareRow(connection, row));
-      for (const std::string& group : row.groups) compareGroup(groups, new_groups, row, group);
+      for (const std::string& group : row.groups) compareGroup(groups, row, group);
       if (const auto other = there.find(withoutZeros(row.person.name));
           other != there.end() && row.person.ref.empty())
         row.fault("name",
@@ -228,18 +227,15 @@ class PeopleImporter {
     return found;
   }
 
-  /// Notes a group that is not stored yet, unless a person must be asked about it.
-  static void compareGroup(ThingNames& groups, std::set<std::string>& new_groups, ImportRow& row,
-                           const std::string& group) {
-    if (!groups.has(group)) {
-      if (const std::string made = madeByTableProgram(group); !made.empty())
-        return row.fault("group", fmt::format("'{}' is {}: format the column as text", group, made));
-      if (const std::string question = groups.question(group); !question.empty())
-        return row.fault("group", question);
-      groups.add(group, group);
-      new_groups.insert(group);
-    }
-    if (new_groups.contains(group)) row.new_groups.push_back(group);
+  /// Notes a group that neither the store nor an earlier row has, unless a person must be asked about it.
+  static void compareGroup(ThingNames& groups, ImportRow& row, const std::string& group) {
+    if (groups.has(group)) return;
+    if (const std::string made = madeByTableProgram(group); !made.empty())
+      return row.fault("group", fmt::format("'{}' is {}: format the column as text", group, made));
+    if (const std::string question = groups.question(group); !question.empty())
+      return row.fault("group", question);
+    groups.add(group, group);
+    row.new_groups.push_back(group);
   }
 
   /// The people who join a group, and the first line that names it.

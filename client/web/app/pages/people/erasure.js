@@ -1,8 +1,9 @@
 // A person's erasure, what remains, and others' texts that name the person.
 import { lab, people } from '../../net/requests.js';
-import { announce, Confirm, DangerButton, DraftBack, Mark, Problem, Table } from '../../ui/widgets.js';
+import { announce, Confirm, DangerButton, Mark, Problem, Table } from '../../ui/widgets.js';
 import { CheckField, TextField } from '../../ui/fields.js';
-import { draftOf, useAction, useDraft, useLoad } from '../../ui/hooks.js';
+import { DraftBack, draftOf, useDraft } from '../../ui/draft.js';
+import { useAction, useLoad } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 
 /** Remarks, titles and notes that name the person; nothing changes them automatically. */

@@ -8,7 +8,6 @@ import {
   announce,
   DangerButton,
   Dialog,
-  DraftBack,
   Empty,
   Heading,
   Loaded,
@@ -19,7 +18,8 @@ import {
 } from '../../ui/widgets.js';
 import { ConflictDialog } from '../../ui/conflict.js';
 import { CheckField, TextField } from '../../ui/fields.js';
-import { useAction, useDebounced, useDraft, useLoad } from '../../ui/hooks.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
+import { useAction, useDebounced, useLoad } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 
 /** How many members are drawn before a person asks for more. */

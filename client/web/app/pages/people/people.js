@@ -3,20 +3,10 @@ import { grantable, kRoles, may } from '../../lib/roles.js';
 import { href } from '../../lib/routes.js';
 import { shownOf, words } from '../../lib/units.js';
 import { people } from '../../net/requests.js';
-import {
-  announce,
-  Dialog,
-  DraftBack,
-  Empty,
-  Heading,
-  Loaded,
-  Mark,
-  Problem,
-  Table,
-  usePages,
-} from '../../ui/widgets.js';
+import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../../ui/widgets.js';
 import { SelectField, TextField } from '../../ui/fields.js';
-import { useAction, useDebounced, useDraft } from '../../ui/hooks.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
+import { useAction, useDebounced } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 
 export function AddPerson({ role, close, done }) {

@@ -11,9 +11,10 @@ import {
   withColumns,
 } from '../../lib/class_columns.js';
 import { people } from '../../net/requests.js';
-import { announce, DraftBack, Heading, Mark, Problem, Table } from '../../ui/widgets.js';
+import { announce, Heading, Mark, Problem, Table } from '../../ui/widgets.js';
 import { NumberField, SelectField, TextField } from '../../ui/fields.js';
-import { useAction, useDraft } from '../../ui/hooks.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
+import { useAction } from '../../ui/hooks.js';
 import { html, useId, useState } from '../../ui/html.js';
 
 const kColumns = ['name', 'full_name', 'role', 'group', 'password', 'code'];

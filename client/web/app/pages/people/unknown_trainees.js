@@ -5,20 +5,10 @@ import { clock, moment } from '../../lib/time.js';
 import { people, sessions } from '../../net/requests.js';
 import { TextField } from '../../ui/fields.js';
 import { SearchField } from '../../ui/search_field.js';
-import { useAction, useDraft, useExerciseName } from '../../ui/hooks.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
+import { useAction, useExerciseName } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
-import {
-  announce,
-  Dialog,
-  DraftBack,
-  Empty,
-  Heading,
-  Loaded,
-  number,
-  Problem,
-  Table,
-  usePages,
-} from '../../ui/widgets.js';
+import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../../ui/widgets.js';
 import { Verdict, whyItWaits } from '../sessions.js';
 
 /** Sessions of no particular person; the key is the server's name for them. */
