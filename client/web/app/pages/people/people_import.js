@@ -131,7 +131,8 @@ function Report({ report }) {
       </p>`
     }
     <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${rows.map((row) => {
-      const [kind, word] = kWhat[row.what];
+      const [usual, word] = kWhat[row.what],
+        kind = row.column && row.what !== 'FAULT' ? 'warn' : usual; // it asks something
       return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}>
         <td class="number">${row.line}</td>
         <th scope="row">${row.name || '–'}</th>
