@@ -12,6 +12,7 @@
 
 #include "common/base/secret.h"
 #include "common/base/text/text.h"
+#include "db/people/look_alikes.h"
 
 namespace needlelab {
 namespace {
@@ -225,6 +226,7 @@ Status StationStore::add(std::string_view name, const StationKeyBytes& key_hash,
   ASSIGN_OR_RETURN(const auto known, find(name));
   if (!known) {
     RETURN_IF_ERROR(checkNewName("station name", name));
+    RETURN_IF_ERROR(checkNewNames(connection_, Thing::kStation, name, name));
   }
   if (known && !known->revoked) {
     return Error{ErrorCode::kAlreadyExists, "there is already a station named '" + std::string(name) +
@@ -241,7 +243,7 @@ Status StationStore::add(std::string_view name, const StationKeyBytes& key_hash,
 Status StationStore::revoke(std::string_view name) {
   RETURN_IF_ERROR(connection_.run("UPDATE stations SET revoked = 1 WHERE name = ?", name));
   if (connection_.changes() == 0) {
-    return Error{ErrorCode::kNotFound, "there is no station named '" + std::string(name) + "'"};
+    return requireThing(connection_, Thing::kStation, name);
   }
   return {};
 }

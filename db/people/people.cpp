@@ -7,6 +7,7 @@
 #include <span>
 
 #include "common/base/text/text.h"
+#include "db/people/look_alikes.h"
 #include "db/people/person_name.h"
 #include "db/people/person_refs.h"
 #include "db/store/rows.h"
@@ -62,10 +63,6 @@ pb::Group groupOf(const Statement& row) {
   group.set_changed_by(row.text(3));
   group.set_changed_unix_ns(row.integer(4));
   return group;
-}
-
-Error noGroup(std::string_view id) {
-  return {ErrorCode::kNotFound, "there is no group '" + std::string(id) + "'"};
 }
 
 /// Sorted, without duplicates. kInvalidInput.
@@ -255,8 +252,7 @@ Result<pb::Group> GroupStore::put(const pb::Group& group, std::optional<std::uin
     ASSIGN_OR_RETURN(const bool found, row.step());
     if (found) last = row.natural32(0);
   }
-  const auto before = get(group.id());
-  if (!before && before.error().code != ErrorCode::kNotFound) return before.error();
+  ASSIGN_OR_RETURN(const auto before, find(group.id()));
   const NewestRevision newest =
       before ? NewestRevision{before->revision(), before->changed_by(), before->changed_unix_ns()}
              : NewestRevision{};
@@ -307,10 +303,17 @@ Status GroupStore::remove(const std::string& id, std::optional<std::uint32_t> ba
 }
 
 Result<pb::Group> GroupStore::get(std::string_view id) {
+  ASSIGN_OR_RETURN(auto group, find(id));
+  if (!group) RETURN_IF_ERROR(requireThing(connection_, Thing::kGroup, id));
+  return *std::move(group);
+}
+
+Result<std::optional<pb::Group>> GroupStore::find(std::string_view id) {
   ASSIGN_OR_RETURN(
       auto group, connection_.query(std::string(kGroup) + "WHERE id = ? AND removed = 0", id).first(groupOf));
-  if (!group) return noGroup(id);
-  return withMembers(*std::move(group));
+  if (!group) return std::optional<pb::Group>();
+  ASSIGN_OR_RETURN(auto with_members, withMembers(*std::move(group)));
+  return std::optional(std::move(with_members));
 }
 
 Result<std::vector<pb::Group>> GroupStore::page(const std::string& search, std::string_view after,

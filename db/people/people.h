@@ -110,8 +110,10 @@ class GroupStore {
   /// numbers. kNotFound, kConflict.
   Status remove(const std::string& id, std::optional<std::uint32_t> base, const std::string& by,
                 std::int64_t now_unix_ns);
-  /// kNotFound.
+  /// kNotFound, by requireThing().
   Result<pb::Group> get(std::string_view id);
+  /// Nothing if there is no such group.
+  Result<std::optional<pb::Group>> find(std::string_view id);
   /// Those after `after`, by id, at most `most`; with the number of members instead of the members. `search`:
   /// part of the id or the name (ignores the case of ASCII letters); empty: all.
   Result<std::vector<pb::Group>> page(const std::string& search, std::string_view after, std::uint64_t most);

@@ -46,6 +46,26 @@ bool isWhiteSpace(utf8proc_int32_t c) {
          category == UTF8PROC_CATEGORY_ZP;
 }
 
+/// Hyphens, dashes and minus, of which keyboards have one; word processors put the others.
+bool isDash(utf8proc_int32_t c) {
+  return (c >= 0x2010 && c <= 0x2015) || c == 0x2212 || c == 0xfe58 || c == 0xfe63 || c == 0xff0d;
+}
+
+/// Each run of white space as one space, each dash as '-'.
+std::string withPlainSpacesAndDashes(std::string_view text) {
+  std::string plain;
+  bool in_space = false;
+  for (std::size_t at = 0; at < text.size();) {
+    const CodePoint c = codePointAt(text, at);
+    const bool is_space = isWhiteSpace(c.value);
+    if (is_space && !in_space) plain += ' ';
+    if (!is_space) plain += isDash(c.value) ? "-" : text.substr(at, c.bytes);
+    in_space = is_space;
+    at += c.bytes;
+  }
+  return plain;
+}
+
 Error invalidName(std::string_view field, std::string_view what) {
   return {ErrorCode::kInvalidInput, fmt::format("{}: {}", field, what)};
 }
@@ -98,7 +118,8 @@ std::string nameKey(std::string_view name) {
   // folding can leave form C, and composing can make something that folds again
   std::string key(name);
   for (int pass = 0; pass < 3; ++pass) {
-    std::string next = mapped(key, UTF8PROC_STABLE | UTF8PROC_COMPOSE | UTF8PROC_CASEFOLD | UTF8PROC_IGNORE);
+    std::string next = withPlainSpacesAndDashes(
+        mapped(key, UTF8PROC_STABLE | UTF8PROC_COMPOSE | UTF8PROC_CASEFOLD | UTF8PROC_IGNORE));
     if (next == key) break;
     key = std::move(next);
   }
@@ -133,7 +154,7 @@ std::string sameNameQuestion(std::string_view there, std::string_view typed) {
 Status refreshNameKeys(Connection& connection) {
   MetaStore meta(connection);
   ASSIGN_OR_RETURN(const auto computed_with, meta.get(kUnicode));
-  const std::string_view now = utf8proc_unicode_version();
+  const std::string now = fmt::format("{}, one space, one dash", utf8proc_unicode_version());
   if (computed_with == now) return {};
   struct Row {
     std::string key, name;
@@ -149,7 +170,7 @@ Status refreshNameKeys(Connection& connection) {
   if (one != rows.end())
     return Error{
         ErrorCode::kInvalidInput,
-        fmt::format("'{}' and '{}' are one name by Unicode {}, which this program has; the database was "
+        fmt::format("'{}' and '{}' are one name by Unicode {}, this program's rule; the database was "
                     "last used with Unicode {}: start the earlier program, erase one of the two or "
                     "move its sessions, and start this one again",
                     one->name, std::next(one)->name, now, computed_with.value_or("?"))};

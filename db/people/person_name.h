@@ -1,5 +1,5 @@
-/// The rule for account names: two names with the same key are the same name. A name is stored and shown as
-/// typed; `people.folded` has its key.
+/// The rule for names that people type: two names with the same key are the same name. A name is stored and
+/// shown as typed; `names.folded` has a person's key. look_alikes.h compares all other names.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ inline constexpr const char* kServerName = "server";
 std::string_view trimmedName(std::string_view name);
 
 /// The key by which names are compared: normalisation form C of Unicode's full case folding, without
-/// characters that have no shape of their own (Default_Ignorable_Code_Point). `name`: UTF-8; other bytes are
-/// unchanged.
+/// characters that have no shape of their own (Default_Ignorable_Code_Point), each run of white space as one
+/// space, each hyphen, dash and minus as '-'. `name`: UTF-8; other bytes are unchanged.
 std::string nameKey(std::string_view name);
 
 /// kInvalidInput: not allowed as a new account name. Checks checkNewName(), white space at the ends, a
@@ -31,7 +31,8 @@ Status checkNewPersonName(std::string_view field, std::string_view name);
 /// The words after "there is already": names the account and asks whether it is the same person.
 std::string sameNameQuestion(std::string_view there, std::string_view typed);
 
-/// Recomputes the keys if this program's Unicode tables differ from those used before (meta `names_unicode`).
+/// Recomputes the keys if this program's rule or Unicode tables differ from those used before (meta
+/// `names_unicode`).
 /// kInvalidInput: two names would become the same; the message names both and says what to do. Needs the
 /// writer's connection, in a transaction.
 Status refreshNameKeys(Connection& connection);

@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "common/base/text/text.h"
+#include "db/people/look_alikes.h"
 #include "db/sessions/session_rows.h"
 #include "db/store/rows.h"
-#include "db/teaching/documents.h"
 
 namespace needlelab {
 namespace {
@@ -280,7 +280,7 @@ Result<std::vector<pb::Score>> ScoreStore::list(const Uuid& session) {
 Result<pb::Reference> ReferenceStore::put(const std::string& exercise_id, const std::vector<Uuid>& sessions,
                                           std::uint32_t base, const std::string& by,
                                           std::int64_t now_unix_ns) {
-  RETURN_IF_ERROR(CurriculumStore(connection_).exercise(exercise_id));
+  RETURN_IF_ERROR(requireThing(connection_, Thing::kExercise, exercise_id));
   ASSIGN_OR_RETURN(const auto before, get(exercise_id));
   const std::string name = "the reference of exercise '" + exercise_id + "'";
   RETURN_IF_ERROR(checkBase(name, base, {before.revision(), before.changed_by(), before.changed_unix_ns()}));

@@ -9,9 +9,9 @@
 #include <set>
 #include <utility>
 
+#include "db/people/look_alikes.h"
 #include "db/people/people.h"
 #include "db/store/rows.h"
-#include "db/teaching/documents.h"
 
 namespace needlelab {
 namespace {
@@ -58,13 +58,13 @@ Result<pb::Assignment> AssignmentStore::put(const pb::Assignment& given) {
         fmt::format("assignment, due_unix_ns: {}, allowed is 0 (never) and above", given.due_unix_ns())};
   if (!given.trainee().empty()) {
     RETURN_IF_ERROR(checkTrainee(connection_, given.trainee()));
-  } else if (const auto group = GroupStore(connection_).get(given.group_id()); !group) {
-    return group.error();
+  } else {
+    RETURN_IF_ERROR(requireThing(connection_, Thing::kGroup, given.group_id()));
   }
   if (!given.course_id().empty()) {
-    RETURN_IF_ERROR(CurriculumStore(connection_).get(given.course_id()));
-  } else if (const auto exercise = CurriculumStore(connection_).exercise(given.exercise_id()); !exercise) {
-    return exercise.error();
+    RETURN_IF_ERROR(requireThing(connection_, Thing::kCourse, given.course_id()));
+  } else {
+    RETURN_IF_ERROR(requireThing(connection_, Thing::kExercise, given.exercise_id()));
   }
   auto known = connection_.query(
       "SELECT id FROM assignments WHERE coalesce(course_id, '') = ?"

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "common/base/text/text.h"
+#include "db/people/look_alikes.h"
 #include "db/store/rows.h"
 #include "db/teaching/attempts.h"
 
@@ -42,6 +43,8 @@ Result<std::uint32_t> ProfileStore::put(const StoredProfile& profile, std::optio
   } else {
     RETURN_IF_ERROR(checkVisible("profile id", profile.id));
   }
+  if (!stored || stored->name != profile.name)
+    RETURN_IF_ERROR(checkNewNames(connection_, Thing::kProfile, profile.id, profile.name));
   RETURN_IF_ERROR(checkBase("profile '" + profile.id + "'", base, before));
   if (stored && stored->json == profile.json) return stored->revision;
   const std::uint32_t newest = before.revision;
@@ -109,6 +112,8 @@ Result<std::uint32_t> CurriculumStore::put(const StoredCurriculum& curriculum,
   } else {
     RETURN_IF_ERROR(checkVisible("curriculum id", curriculum.id));
   }
+  if (!stored || stored->name != curriculum.name)
+    RETURN_IF_ERROR(checkNewNames(connection_, Thing::kCourse, curriculum.id, curriculum.name));
   RETURN_IF_ERROR(checkBase("course '" + curriculum.id + "'", base, before));
   if (stored && stored->json == curriculum.json) return stored->revision;
   const std::uint32_t newest = before.revision;
@@ -129,14 +134,15 @@ Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
     for (const StoredExercise& item : all) before[item.id] = item.rules;
   }
   RETURN_IF_ERROR(connection_.run("DELETE FROM exercises WHERE curriculum_id = ?", curriculum.id));
+  ASSIGN_OR_RETURN(const auto profiles, ThingNames::read(connection_, Thing::kProfile));
+  ASSIGN_OR_RETURN(auto exercises, ThingNames::read(connection_, Thing::kExercise));
   std::int64_t position = 0;
   for (const StoredExercise& item : curriculum.exercises) {
     const std::string field = "curriculum '" + curriculum.id + "', exercise '" + item.id + "'";
     RETURN_IF_ERROR(checkName(field + ", id", item.id));
-    if (const auto profile = ProfileStore(connection_).get(item.profile_id, 0); !profile) {
-      return Error{profile.error().code,
-                   field + ", profile_id: " + profile.error().message + ": import it first"};
-    }
+    if (const Status known = profiles.require(item.profile_id); !known)
+      return Error{known.error().code,
+                   field + ", profile_id: " + known.error().message + ": import it first"};
     if (const auto other = exercise(item.id); other) {
       return Error{
           ErrorCode::kAlreadyExists,
@@ -144,6 +150,8 @@ Status CurriculumStore::setExercises(const StoredCurriculum& curriculum) {
     } else if (other.error().code != ErrorCode::kNotFound) {
       return other.error();
     }
+    if (!before.contains(item.id)) RETURN_IF_ERROR(exercises.checkNew(item.id, item.name));
+    exercises.add(item.id, item.name);
     RETURN_IF_ERROR(
         connection_.run("INSERT INTO exercises (id, curriculum_id, position, name, profile_id, json,"
                         " assigned_only, exam_attempts, results_from_unix_ns) VALUES (?,?,?,?,?,?,?,?,?)",

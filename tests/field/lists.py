@@ -40,6 +40,31 @@ def rows(lab):
     for code in ("4.71221E+11", "4,71221E+11"):
         yield f"the code {code} is refused", lambda code=code: says(imported(f'name,code\nanna,"{code}"\n'), 2, "format the column as text")
     yield "a code of two people is refused", lambda: says(imported("name,code\nanna,471221\nben,471221\n"), 2, "is the code of line 3, too")
+    for number in ("20261234.0", '"20261234,0"', "20261234.00", "2.0261234E+7"):
+        for header, row in (("name", number), ("name,code", f"anna,{number}"), ("name,group", f"anna,{number}")):
+            if "," in number and "group" in header:
+                continue  # the comma is asked about first
+            yield f"{number} as {header}", lambda header=header, row=row: says(imported(f"{header}\n{row}\n"), 2, "format the column as text")
+    yield "a code that lost its zero", lambda: says(imported("name,code\nanna,0471221\nben,471222\ncem,0471223\n"), 0, "has 6 digits, most have 7")
+    yield "a code with signs of thousands", lambda: says(imported('name,code\nanna,"471,221"\n'), 0, "signs of thousands")
+
+    def in_group(group, ask=imported):
+        lab.admin("group", "set", "autumn-a")
+        return ask(f"name,group\nanna,{group}\n")
+
+    for group in ("Autumn-A", "AUTUMN-A", "autumn\u2011a"):
+        yield f"the group {ascii(group)}, by needlelab-admin", lambda group=group: says(in_group(group), 2, "looks like the group 'autumn-a': use it?")
+        yield f"the group {ascii(group)}, by the console", lambda group=group: "" if "looks like the group 'autumn-a': use it?" in (got := in_group(group, console)) else got[-300:]
+        for words in (("group", "set", group), ("assign", "--group", group, "--course", "rheumatology-basics"), ("group", "remove", group)):
+            yield f"{' '.join(words[:2])} {ascii(group)}", lambda words=words: says(lab.admin(*words), 1, "looks like the group 'autumn-a': use it?")
+    for space in "\u00a0\u2007\u202f\u3000":
+        yield f"a group with U+{ord(space):04X} behind it", lambda space=space: says(in_group("autumn-a" + space), 0, "joins autumn-a\n")
+    yield "a new group is called new", lambda: says(in_group("spring"), 0, "joins spring; new group: spring")
+    yield "a station in capitals", lambda: says(lab.admin("station", "add", "ST-1", "--out", lab.programs.folder / "ST-1.key"), 1, "looks like the station 'st-1'")
+    yield "an exercise in capitals", lambda: says(lab.admin("session", "list", "--exercise", "Shoulder-Bursa"), 1, "looks like the exercise 'shoulder-bursa'")
+    memberships = "name,full_name,group\nanna,Anna,autumn-a\nanna,Anna,tuesday\nben,Ben,tuesday\n"
+    yield "a row for each membership, by needlelab-admin", lambda: says(imported(memberships), 0, "2 added", "joins autumn-a, tuesday")
+    yield "a row for each membership, by the console", lambda: "" if '"added":2' in (got := console(memberships)) else got[-300:]
     yield "groups with a comma are asked about", lambda: says(imported("name;group\nanna;autumn-a,autumn-b\n"), 2, "separated by semicolons")
     registrar = "Matrikelnummer;Nachname;Vorname;E-Mail\n471;Köhler;Anna;a@b\n"
     yield "a registrar's columns are ignored by name", lambda: says(imported(registrar), 0, "1 added", "ignored: E-Mail")

@@ -106,6 +106,63 @@ test('nothing and no number are told apart', () => {
     assert.equal(typed(text, 1), value);
 });
 
+test('three digits behind the sign of thousands are asked about, where both numbers are allowed', () => {
+  const one_of = (text, locale, field = {}) => {
+    const got = typed(text, field.factor ?? 1, { locale, ...field });
+    return got?.asks?.join(' or ') ?? got;
+  };
+  // the signs of each language, by the Unicode CLDR
+  for (const [locale, comma, point] of [
+    ['en-US', '1.2 or 1200', 1.2],
+    ['en-IN', '1.2 or 1200', 1.2],
+    ['ja', '1.2 or 1200', 1.2],
+    ['de', 1.2, '1.2 or 1200'],
+    ['es', 1.2, '1.2 or 1200'],
+    ['pt-BR', 1.2, '1.2 or 1200'],
+    ['id', 1.2, '1.2 or 1200'],
+    ['fr', 1.2, 1.2],
+    ['de-CH', 1.2, 1.2],
+    ['nb', 1.2, 1.2],
+  ]) {
+    assert.equal(one_of('1,200', locale), comma, `1,200 in ${locale}`);
+    assert.equal(one_of('1.200', locale), point, `1.200 in ${locale}`);
+  }
+  for (const [text, meant] of [
+    ['12,345', '12.345 or 12345'],
+    ['-1,500', '-1.5 or -1500'],
+    ['1,000', '1 or 1000'],
+    ['0,350', 0.35],
+    ['1,2', 1.2],
+    ['1,20', 1.2],
+    ['1,2000', 1.2],
+    ['1234,567', 1234.567],
+    ['1.200', 1.2],
+    ['1200', 1200],
+    ['1,200,000', null],
+  ])
+    assert.equal(one_of(text, 'en-GB'), meant, text);
+  // what the answer puts into the field is asked about in no language
+  for (const locale of ['en', 'de', 'fr']) for (const n of ['1.2', '1200']) assert.equal(one_of(n, locale), Number(n));
+});
+
+test('no question where only one of the two numbers is allowed', () => {
+  const mm = { locale: 'en', most: 1 };
+  assert.equal(typed('1,200', 1e-3, mm), 0.0012, '1200 mm are more than a metre');
+  assert.deepEqual(typed('1,000', 1e-3, mm), { asks: ['1', '1000'] }, '1000 mm are just a metre');
+  assert.equal(typed('1,200', 1, { locale: 'en', whole: true, most: 36500 }), 1200, 'no day is 1.2');
+  assert.deepEqual(typed('2,000', 1, { locale: 'en', whole: true, most: 36500 }), { asks: ['2', '2000'] });
+  assert.equal(typed('1,200', 1, { locale: 'en', most: 1 }), 1.2, 'neither: as written, and the server says its range');
+});
+
+test('digits of other scripts are digits', () => {
+  for (const text of ['١٢٠', '۱۲۰', '१२०', '１２０', '๑๒๐', '𝟏𝟐𝟎', '𝟙𝟚𝟘']) assert.equal(typed(text, 1), 120, text);
+  assert.equal(typed('٣٫٥', 1), 3.5);
+  assert.equal(typed('３．５', 1), 3.5);
+  assert.equal(typed('-۳,۵', 1), -3.5);
+  assert.deepEqual(typed('１，２００', 1, { locale: 'en' }), { asks: ['1.2', '1200'] });
+  assert.equal(typed('３²', 1), null, 'a power is no digit');
+});
+
 test('names and sizes as people read them', () => {
   assert.equal(words('CURRICULUM_MANAGER'), 'Curriculum manager');
   assert.equal(plain(bytes(12_400_000, 'en')), '12.4 MB');

@@ -4,6 +4,7 @@ import { after, before, describe, it } from 'node:test';
 import { access } from './access.mjs';
 import { bodies } from './bodies.mjs';
 import { Browser } from './browser.mjs';
+import { drafts } from './drafts.mjs';
 import { home } from './home.mjs';
 import { Lab } from './lab.mjs';
 import { longLists } from './lists.mjs';
@@ -45,6 +46,7 @@ describe('the web console', { concurrency: false }, () => {
   describe('home', () => home(t));
   describe('roles', () => roles(t));
   describe('access', () => access(t));
+  describe('drafts', () => drafts(t));
   describe('long lists', () => longLists(t));
   it('the server stops in order', async () => assert.equal(await t.lab.stopServer(), 0, t.lab.server.said));
 });

@@ -201,7 +201,7 @@ export function trouble(t) {
     await page.getByText('not saved yet').waitFor();
     page.on('dialog', (dialog) => dialog.accept());
     await page.reload();
-    await page.getByText('Your unsaved changes are back.').waitFor();
+    await page.getByText('Your draft is back.').waitFor();
     await unfold(page);
     assert.equal(
       await page

@@ -155,19 +155,46 @@ export function shown(value, factor) {
   return typeof value === 'number' ? String(Number((value / factor).toPrecision(12))) : JSON.stringify(value);
 }
 
+/** The digits of any script as 0 to 9; a decimal sign of Arabic or of full width as a plain one. @param {string} text */
+const plainDigits = (text) =>
+  text
+    .replace(/\p{Nd}/gu, (digit) => {
+      const at = digit.codePointAt(0);
+      // each script has its ten digits in a row, and such rows may follow each other
+      let zero = at;
+      while (/\p{Nd}/u.test(String.fromCodePoint(zero - 1))) zero--;
+      return String((at - zero) % 10);
+    })
+    .replace(/[\uff0b-\uff0e]/g, (sign) => String.fromCharCode(sign.charCodeAt(0) - 0xfee0))
+    .replace('\u066b', '.')
+    .replace('\u2212', '-');
+
+/** The sign by which this locale groups thousands. @param {string} [locale] */
+const groupSign = (locale) =>
+  new Intl.NumberFormat(locale, { useGrouping: 'always' }).formatToParts(1234567).find((part) => part.type === 'group')
+    ?.value;
+
 /**
- * The SI value of typed text; a decimal comma is also accepted.
+ * The SI value of typed text. Comma and point are decimal signs in every locale. Where exactly three digits follow the
+ * one by which the locale groups thousands, the text may mean a thousand times as much: `asks` has both numbers, unless
+ * only one of them can be meant.
  * @param {string} text
  * @param {number} factor
- * @returns {number|undefined|null} undefined: empty; null: not a number
+ * @param {{most?: number, whole?: boolean, locale?: string}} [field] `most`: the greatest allowed value, in SI; `whole`: has no fractions
+ * @returns {number|undefined|null|{asks: string[]}} undefined: empty; null: not a number
  */
-export function typed(text, factor) {
-  const plain = text
-    .trim()
-    .replace(/^([+-]?\d*),(\d+)$/, '$1.$2')
-    .replace('−', '-');
+export function typed(text, factor, { most = Infinity, whole = false, locale } = {}) {
+  const plain = plainDigits(text.trim());
   if (plain === '') return undefined;
-  const value = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain) : NaN;
+  const decimal = plain.replace(/^([+-]?\d*),(\d+)$/, '$1.$2');
+  const found = /^([+-]?[1-9]\d{0,2})([.,])(\d{3})$/.exec(plain);
+  if (found && found[2] === groupSign(locale)) {
+    const both = [String(Number(decimal)), String(Number(found[1] + found[3]))];
+    const can_be = both.filter((n) => Math.abs(n * factor) <= most * (1 + 1e-12) && (!whole || Number.isInteger(+n)));
+    if (can_be.length === 2) return { asks: both };
+    if (can_be.length === 1) return Number((can_be[0] * factor).toPrecision(12));
+  }
+  const value = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(decimal) ? Number(decimal) : NaN;
   return Number.isFinite(value) ? Number((value * factor).toPrecision(12)) : null;
 }
 

@@ -1,4 +1,5 @@
 // The log-in. When it expires, a dialog above the page asks for a new one, and nothing typed is lost.
+import { dropDrafts } from '../lib/draft.js';
 import { roleName } from '../lib/roles.js';
 import { store } from '../lib/store.js';
 import { ApiError, get, post, remove, setCsrfToken, setRenewal } from './api.js';
@@ -19,6 +20,7 @@ function accept(reply) {
     role: roleName(reply.role),
     expires_unix_ms: reply.expires_unix_ms,
   };
+  dropDrafts(person.name);
   session.set({ state: 'in', person });
   waiting?.resolve();
   waiting = null;
@@ -82,6 +84,7 @@ export async function logIn(name, password) {
 export function giveUp() {
   waiting?.reject(new ApiError('expired', 'The log-in has expired.'));
   waiting = null;
+  dropDrafts();
   session.set({ state: 'out', person: null });
 }
 
@@ -92,5 +95,6 @@ export async function logOut() {
     if (error.kind !== 'expired') throw error;
   }
   setCsrfToken('');
+  dropDrafts();
   session.set({ state: 'out', person: null });
 }

@@ -6,8 +6,9 @@ import { assignments, documents, exercises, groups, people } from '../net/reques
 import { announce, DangerButton, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../ui/widgets.js';
 import { SelectField, TextField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
 import { useAction, useLoad } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+import { html } from '../ui/html.js';
 
 /** A choice such as "course:basics": its kind and its id. */
 const chosen = (choice) => [choice.slice(0, choice.indexOf(':')), choice.slice(choice.indexOf(':') + 1)];
@@ -29,8 +30,7 @@ async function findWhom(text, signal) {
 }
 
 function AddAssignment({ all, done }) {
-  const kEmpty = { what: '', whom: null, due: '' };
-  const [entry, setEntry] = useState(kEmpty);
+  const [entry, setEntry, draft] = useDraft('assignment', { what: '', whom: null, due: '' });
   const action = useAction();
   const set = (key) => (value) => setEntry({ ...entry, [key]: value });
   const save = async (event) => {
@@ -42,7 +42,7 @@ function AddAssignment({ all, done }) {
     if (!(await action.run(() => assignments.add(body)))) return;
     const name = (what === 'course' ? all.courses : all.exercises).find(({ id }) => id === what_id)?.name ?? what_id;
     announce(`${name} was assigned to ${entry.whom.text.replace(/^Group: /, '')}.`);
-    setEntry(kEmpty);
+    draft.discard();
     done();
   };
   const whats = [
@@ -53,6 +53,7 @@ function AddAssignment({ all, done }) {
   return html`<form onSubmit=${save}>
     <fieldset>
       <legend>Assign</legend>
+      <${DraftBack} draft=${draft} />
       <div class="fields">
         <${SelectField} label="What" required value=${entry.what} options=${whats} onValue=${set('what')} />
         <${SearchField}

@@ -7,6 +7,7 @@ import { documents, exercises, groups, studyRecords } from '../net/requests.js';
 import { Heading, Loaded, Problem, saveAs } from '../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
 import { SearchField } from '../ui/search_field.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
 import { useAction, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
@@ -47,7 +48,7 @@ function Scores({ all }) {
 
 /** The people who consent, under pseudonyms, as the command line writes them. */
 function Study({ all }) {
-  const [ask, setAsk] = useState({ study: '', exercise: '', remarks: false });
+  const [ask, setAsk, draft] = useDraft('study', { study: '', exercise: '', remarks: false });
   const [count, setCount] = useState(0);
   const [result, setResult] = useState(null);
   const action = useAction();
@@ -59,6 +60,7 @@ function Study({ all }) {
     const study = ask.study.trim(),
       records = await action.run(() => studyRecords(study, ask, setCount));
     if (!records) return;
+    draft.drop();
     const [format] = kExportFormats.study;
     saveAs(`${study}${format.suffix}`, kRecordTexts[format.name](records), format.type);
     setResult(records.find((r) => r.kind === 'study') ?? { people: 0, sessions: 0 });
@@ -66,6 +68,7 @@ function Study({ all }) {
   return html`<form onSubmit=${save}>
     <fieldset>
       <legend>Study</legend>
+      <${DraftBack} draft=${draft} />
       <p>
         Scores, measures and profiles of people who consent, under pseudonyms that are the same within one study and
         cannot be linked across studies.

@@ -10,7 +10,8 @@ import { ConflictDialog } from '../ui/conflict.js';
 import { useDocument } from '../ui/document.js';
 import { AsJson } from '../ui/as_json.js';
 import { formOf, ProblemList } from '../ui/fields.js';
-import { draftOf, released, useDebounced } from '../ui/hooks.js';
+import { DraftBack, draftOf } from '../ui/draft.js';
+import { released, useDebounced } from '../ui/hooks.js';
 import { html, useCallback, useEffect, useRef, useState } from '../ui/html.js';
 import { DangerButton, Heading, Mark, Problem } from '../ui/widgets.js';
 import { Legend, SideView } from '../ui/section.js';
@@ -76,7 +77,7 @@ export function useBadFields() {
   const why = paths.includes('json')
     ? 'The JSON text is not in the document: correct it, or use the form’s text. Until then nothing can be saved.'
     : paths.length > 0
-      ? 'A field does not contain a number: nothing can be saved.'
+      ? 'A field does not contain one clear number: nothing can be saved.'
       : '';
   return { why, onBad };
 }
@@ -102,7 +103,7 @@ export function SaveBar({ editing, save, what, bad, why, readonly }) {
   if (readonly) return html`<p class="help">Your role can view this, but not change it.</p>`;
   const { saving, dirty, base, restored, discard } = editing;
   return html`<div class="save-bar">
-    ${restored && html`<div class="hint"><p>Your unsaved changes are back.</p></div>`}
+    <${DraftBack} draft=${{ back: restored }} />
     <${Problem} error=${saving.error} title=${`The ${what} was not saved`} />
     ${why && html`<p class="error">✗ ${why}</p>`}
     <div class="actions">
@@ -158,7 +159,7 @@ export function ProfileEditor({ params, query, person }) {
   /** The changes go to a new profile, and this one stays. */
   const copy = () => {
     const other = { ...doc, id: `${id}-copy`, name: `${doc.name} (copy)` };
-    draftOf('profiles/new').write({ base: { revision: 0, json: {} }, doc: other });
+    draftOf('profiles/new').write({ base: { revision: 0, json: {} }, value: other });
     editing.discard();
     location.hash = href(['profiles-new'], { from: id });
   };

@@ -8,8 +8,9 @@ import { counted, number } from '../lib/units.js';
 import { documents, exercises, measures, references, sessions } from '../net/requests.js';
 import { announce, Empty, Heading, Loaded, number as right, Problem, Table, usePages } from '../ui/widgets.js';
 import { CheckField } from '../ui/fields.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
 import { useAction, useLoad } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+import { html } from '../ui/html.js';
 import { Verdict } from './sessions.js';
 
 /** @param {{reference: any, title: (measure: string) => string}} props */
@@ -37,19 +38,21 @@ function Bands({ reference, title }) {
 }
 
 function Choice({ exercise, name, reference, reload }) {
-  const [chosen, setChosen] = useState(reference.session_ids ?? []);
+  const [chosen, setChosen, draft] = useDraft(`reference/${exercise}`, reference.session_ids ?? [], reference.revision);
   const pages = usePages((page, signal) => sessions.page({ exercise, page }, signal), [exercise]);
   const action = useAction();
   const changed = [...chosen].sort().join() !== [...(reference.session_ids ?? [])].sort().join();
   const toggle = (id) => (on) => setChosen(on ? [...chosen, id] : chosen.filter((c) => c !== id));
   const save = async () => {
-    if (!(await action.run(() => references.put(exercise, chosen, reference.revision)))) return;
+    if (!(await action.run(() => references.put(exercise, chosen, draft.base)))) return;
+    draft.drop();
     announce(`${counted(chosen.length, 'session makes', 'sessions make')} the reference of ${name} now.`);
     reload();
   };
   // some may be beyond the loaded part of the list
   const elsewhere = chosen.filter((id) => !pages.items.some((s) => s.description.session_id === id));
   return html`
+    <${DraftBack} draft=${draft} />
     <${Loaded} load=${pages.load}>${() =>
       pages.items.length === 0
         ? html`<${Empty} title="No one has practised this exercise yet">
@@ -100,6 +103,7 @@ function Choice({ exercise, name, reference, reload }) {
               type="button"
               onClick=${() => {
                 action.clear();
+                draft.discard();
                 reload();
               }}
             >

@@ -5,6 +5,7 @@ import { bytes, number } from '../lib/units.js';
 import { exercises, lab, retention } from '../net/requests.js';
 import { announce, Confirm, DangerButton, Empty, Heading, Loaded, Mark, Problem, Table } from '../ui/widgets.js';
 import { CheckField, NumberField, SelectField } from '../ui/fields.js';
+import { DraftBack, draftOf, useDraft } from '../ui/draft.js';
 import { useAction, useExerciseName, useLoad } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
@@ -15,6 +16,7 @@ function thinWords(p) {
   const coarser = p.thin_coarser > 1 ? `, steps ${number(p.thin_coarser, 4)} times as coarse` : '';
   return `after ${days(p.thin_after_days)}: to ${number(p.thin_rate_hz, 4)} samples a second${coarser}`;
 }
+const kGreatest = { thin_after_days: 36500, thin_rate_hz: 10_000, thin_coarser: 1000, delete_after_days: 36500 };
 const kBlank = { exercise_id: '', without_backup: false };
 
 /** Faults that the server would refuse, found before asking it. */
@@ -23,13 +25,14 @@ function faultsOf(p) {
   const say = (path, message) => faults.push({ path, message });
   const whole = (path) =>
     isSet(p[path]) &&
-    !(Number.isInteger(p[path]) && p[path] >= 0 && p[path] <= 36500) &&
-    say(path, 'whole days, at most 36500');
+    !(Number.isInteger(p[path]) && p[path] >= 0 && p[path] <= kGreatest[path]) &&
+    say(path, `whole days, at most ${kGreatest[path]}`);
   whole('thin_after_days');
   whole('delete_after_days');
-  if (isSet(p.thin_after_days) && !(p.thin_rate_hz >= 0.1 && p.thin_rate_hz <= 10_000))
+  if (isSet(p.thin_after_days) && !(p.thin_rate_hz >= 0.1 && p.thin_rate_hz <= kGreatest.thin_rate_hz))
     say('thin_rate_hz', 'how many samples a second are left: 0.1 to 10000');
-  if (isSet(p.thin_coarser) && !(p.thin_coarser >= 1 && p.thin_coarser <= 1000)) say('thin_coarser', '1 to 1000');
+  if (isSet(p.thin_coarser) && !(p.thin_coarser >= 1 && p.thin_coarser <= kGreatest.thin_coarser))
+    say('thin_coarser', '1 to 1000');
   if (isSet(p.thin_after_days) && isSet(p.delete_after_days) && p.delete_after_days <= p.thin_after_days)
     say('delete_after_days', 'later than the thinning');
   return faults;
@@ -37,7 +40,7 @@ function faultsOf(p) {
 
 function PolicyForm({ begin, known, done }) {
   const nameOf = (id) => known.find((e) => e.id === id)?.name ?? id;
-  const [policy, setPolicy] = useState(begin);
+  const [policy, setPolicy, draft] = useDraft('policy', begin);
   const [bad, setBad] = useState([]);
   const action = useAction();
   const set = (key) => (value) => setPolicy((before) => ({ ...before, [key]: value }));
@@ -51,6 +54,8 @@ function PolicyForm({ begin, known, done }) {
     html`<${NumberField}
       label=${label}
       unit=${unit}
+      most=${kGreatest[key]}
+      whole=${key.endsWith('_days')}
       path=${key}
       value=${policy[key]}
       problems=${[...faults, ...refused]}
@@ -75,12 +80,14 @@ function PolicyForm({ begin, known, done }) {
       ))
     )
       return;
+    draft.drop();
     announce(`Retention of ${exercise_id ? nameOf(exercise_id) : 'all other exercises'} was saved.`);
     done();
   };
   return html`<form onSubmit=${save} aria-label="Policy">
     <fieldset>
       <legend>Set a policy</legend>
+      <${DraftBack} draft=${draft} />
       <${SelectField}
         label="Exercise"
         value=${policy.exercise_id}
@@ -262,7 +269,10 @@ export function RetentionPage({ person: me }) {
                         type="button"
                         class="small"
                         aria-label=${`Change the policy of ${nameOf(p.exercise_id)}`}
-                        onClick=${() => setBegin({ ...p })}
+                        onClick=${() => {
+                          draftOf('policy').drop();
+                          setBegin({ ...p });
+                        }}
                       >
                         Change
                       </button>

@@ -5,6 +5,7 @@ import { moment } from '../lib/time.js';
 import { bytes, counted } from '../lib/units.js';
 import { exercises, upkeep } from '../net/requests.js';
 import { CheckField, SelectField, TextField } from '../ui/fields.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
 import { useAction, useEvery, useLoad } from '../ui/hooks.js';
 import { html, useEffect, useState } from '../ui/html.js';
 import { Heading, Loaded, Mark, Problem } from '../ui/widgets.js';
@@ -85,24 +86,27 @@ function Place({ done }) {
 }
 
 function Backup() {
-  const [path, setPath] = useState('');
-  const [counts_as_safe, setCounts] = useState(false);
+  const [entry, setEntry, draft] = useDraft('backup', { path: '', counts_as_safe: false });
+  const { path, counts_as_safe } = entry;
   const [done, setDone] = useState(null);
   const action = useAction();
   const start = async (event) => {
     event.preventDefault();
     setDone(null);
     const result = await action.run(() => upkeep.backup(path.trim(), counts_as_safe));
-    if (result) setDone({ ...result, at: Date.now() });
+    if (!result) return;
+    draft.drop();
+    setDone({ ...result, at: Date.now() });
   };
   return html`<form onSubmit=${start}>
     <fieldset>
       <legend>Backup</legend>
+      <${DraftBack} draft=${draft} />
       <p>A copy of the whole database, made while the lab keeps running, then read back and verified.</p>
       <${TextField}
         label="File on the server's machine"
         value=${path}
-        onValue=${setPath}
+        onValue=${(text) => setEntry({ ...entry, path: text })}
         help="empty: where the server puts its backups"
         autocomplete="off"
         spellcheck="false"
@@ -110,7 +114,7 @@ function Backup() {
       <${CheckField}
         label="Counts as Safe on any disk"
         checked=${counts_as_safe}
-        onValue=${setCounts}
+        onValue=${(on) => setEntry({ ...entry, counts_as_safe: on })}
         help="Stations delete what is Safe. A backup normally makes recordings Safe only on a different disk from the database: on the same one, a fault takes both."
       />
       <div class="actions">

@@ -3,15 +3,21 @@ import { traineeName } from '../lib/lab.js';
 import { sessions } from '../net/requests.js';
 import { announce, Dialog, Problem } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
 import { useAction } from '../ui/hooks.js';
 import { html, useState } from '../ui/html.js';
 
 function Reason({ attempt, close, done }) {
-  const [reason, setReason] = useState('');
+  const [reason, setReason, draft] = useDraft(`excuse/${attempt.session_id}`, '');
   const action = useAction();
+  const cancel = () => {
+    draft.drop();
+    close();
+  };
   const save = async (event) => {
     event.preventDefault();
     if (!(await action.run(() => sessions.excuse(attempt.session_id, true, reason.trim())))) return;
+    draft.drop();
     announce(`Attempt ${attempt.number} of ${traineeName(attempt)} does not count.`);
     done();
   };
@@ -27,9 +33,10 @@ function Reason({ attempt, close, done }) {
         help="e.g. the device lost its force; appears in the audit"
       />
       <${Problem} error=${action.error} />
+      <${DraftBack} draft=${draft} />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy || !reason.trim()}>Excuse</button>
-        <button type="button" onClick=${close}>Cancel</button>
+        <button type="button" onClick=${cancel}>Cancel</button>
       </div>
     </form>
   <//>`;

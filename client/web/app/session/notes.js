@@ -5,23 +5,18 @@ import { atStart, quantity, words } from '../lib/units.js';
 import { sessions } from '../net/requests.js';
 import { announce, Empty, Loaded, number, Problem, Table } from '../ui/widgets.js';
 import { TextField } from '../ui/fields.js';
-import { draftOf, useAction, useLoad } from '../ui/hooks.js';
-import { html, useState } from '../ui/html.js';
+import { DraftBack, useDraft } from '../ui/draft.js';
+import { useAction, useLoad } from '../ui/hooks.js';
+import { html } from '../ui/html.js';
 
 /** @param {{id: string, at_s: number, seek: (s: number) => void, load: any, person: any}} props `load`: of the annotations */
 export function Annotations({ id, at_s, seek, load, person }) {
-  const draft = draftOf(`annotation/${id}`);
-  const [text, setText] = useState(draft.read() ?? '');
+  const [text, setText, draft] = useDraft(`annotation/${id}`, '');
   const action = useAction();
-  const type = (value) => {
-    setText(value);
-    draft.write(value);
-  };
   const save = async (event) => {
     event.preventDefault();
     if (!(await action.run(() => sessions.annotate(id, at_s, text.trim())))) return;
-    draft.drop();
-    setText('');
+    draft.discard();
     announce(`The remark at ${clock(at_s)} was saved.`);
     load.reload();
   };
@@ -52,7 +47,8 @@ export function Annotations({ id, at_s, seek, load, person }) {
     ${
       may(person.role, 'annotate') &&
       html`<form onSubmit=${save}>
-        <${TextField} label=${`Remark at ${clock(at_s)}`} rows="2" value=${text} onValue=${type} required wide />
+        <${DraftBack} draft=${draft} />
+        <${TextField} label=${`Remark at ${clock(at_s)}`} rows="2" value=${text} onValue=${setText} required wide />
         <${Problem} error=${action.error} />
         <div class="actions">
           <button type="submit" disabled=${action.busy || !text.trim()}>Add at ${clock(at_s)}</button>

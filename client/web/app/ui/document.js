@@ -3,7 +3,8 @@ import { merge, resolved, same } from '../lib/diff.js';
 import { isObject } from '../lib/shape.js';
 import { documents } from '../net/requests.js';
 import { announce } from './widgets.js';
-import { draftOf, useAction } from './hooks.js';
+import { draftOf } from './draft.js';
+import { useAction } from './hooks.js';
 import { useCallback, useEffect, useMemo, useState } from './html.js';
 
 /**
@@ -29,10 +30,10 @@ export function useDocument(kind, id, begin) {
       (text) => {
         if (abort.signal.aborted) return;
         const found = draft.read(),
-          kept = isObject(found?.doc) ? found : null;
+          kept = isObject(found?.value) ? found : null;
         // a draft keeps the revision that it was made from: a newer one leads to a conflict when the draft is saved
         const base = kept?.base ?? { revision: text.revision, json: text.json };
-        setState({ loading: false, error: null, base, doc: kept?.doc ?? text.json, restored: !!kept });
+        setState({ loading: false, error: null, base, doc: kept?.value ?? text.json, restored: !!kept });
       },
       (error) => !abort.signal.aborted && setState((before) => ({ ...before, loading: false, error })),
     );
@@ -45,7 +46,7 @@ export function useDocument(kind, id, begin) {
     (next) =>
       setState((before) => {
         const changed = { ...before, doc: typeof next === 'function' ? next(before.doc) : next };
-        draft.write({ base: changed.base, doc: changed.doc });
+        draft.write({ base: changed.base, value: changed.doc });
         return changed;
       }),
     [draft],
@@ -80,7 +81,7 @@ export function useDocument(kind, id, begin) {
   const settle = (choice, and_save) => {
     const json = resolved(conflict.merged, conflict.clashes, choice);
     const next = { revision: conflict.theirs.revision, json: conflict.theirs.json };
-    draft.write({ base: next, doc: json });
+    draft.write({ base: next, value: json });
     setState((before) => ({ ...before, base: next, doc: json, restored: false }));
     setConflict(null);
     return and_save ? saving.run(() => put(json, next.revision)) : undefined;

@@ -2,6 +2,7 @@
 // field.
 import { called, placeWords, problemWords } from '../lib/plain_words.js';
 import { fieldUnit, shown, typed } from '../lib/units.js';
+import { kMost, kWhole } from '../profile/ranges.js';
 import { html, useEffect, useId, useLayoutEffect, useRef, useState } from './html.js';
 import { isWithin, valueAt, withValue } from '../lib/paths.js';
 import { shownOf } from '../lib/shape.js';
@@ -53,9 +54,9 @@ export function TextField({ label, value, onValue, path = '', problems, help, wi
 }
 
 /**
- * A number in the unit that people use; the value is SI. Text that is not a number stays in the field, is reported
- * here, and is not passed on.
- * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, path?: string, problems?: FieldProblem[], [more: string]: any}} props
+ * A number in the unit that people use; the value is SI. Text that is not a number, or may mean two, stays in the field,
+ * is reported here, and is not passed on. `most` and `whole`: as for `typed`.
+ * @param {{label: string, value: number|undefined, onValue: (value: number|undefined) => void, factor?: number, unit?: string, most?: number, whole?: boolean, path?: string, problems?: FieldProblem[], [more: string]: any}} props
  */
 export function NumberField({
   label,
@@ -64,6 +65,8 @@ export function NumberField({
   factor = 1,
   unit = '',
   si = unit,
+  most,
+  whole,
   path = '',
   problems,
   help,
@@ -82,23 +85,32 @@ export function NumberField({
     sent.current = value;
     in_factor.current = factor;
   }, [value, factor]);
-  const bad = typed(text, factor) === null;
+  const read = (of) => typed(of, factor, { most, whole });
+  const { asks } = read(text) ?? {};
+  const bad = read(text) === null || !!asks;
   called(path, label);
+  const answer = (n) => {
+    take(n);
+    document.getElementById(id).focus();
+  };
+  const question = () =>
+    html`“${text}” may be ${asks.join(' or ')}: which is it? ${asks.map(
+      (n) => html`<button type="button" class="small" onClick=${() => answer(n)}>${n}${unit && ` ${unit}`}</button> `,
+    )}`;
   const mine = [
-    ...(bad ? [{ path, message: `“${text}” is not a number; write it like 3.5` }] : []),
+    ...(bad ? [{ path, message: asks ? question() : `“${text}” is not a number; write it like 3.5` }] : []),
     ...at(problems, path).map((p) => ({ ...p, message: problemWords(p, { factor, unit, si }) })),
   ];
   useEffect(() => {
     onBad?.(path, bad);
     return () => onBad?.(path, false);
   }, [bad, path]);
-  const change = (event) => {
-    setText(event.target.value);
-    const number = typed(event.target.value, factor);
-    if (number !== null) {
-      sent.current = number;
-      onValue(number);
-    }
+  const take = (next) => {
+    setText(next);
+    const number = read(next);
+    if (number === null || number?.asks) return;
+    sent.current = number;
+    onValue(number);
   };
   return html`<${Frame} id=${id} label=${label} unit=${unit} help=${help} problems=${mine}>
     <input
@@ -107,7 +119,7 @@ export function NumberField({
       inputmode="decimal"
       autocomplete="off"
       value=${text}
-      onInput=${change}
+      onInput=${(event) => take(event.target.value)}
       data-path=${path || undefined}
       aria-describedby=${described(id, help, mine)}
       aria-invalid=${mine.some((p) => p.severity !== 'WARNING') ? 'true' : undefined}
@@ -249,6 +261,8 @@ export function formOf({ doc: whole, shape, change, problems: said, onBad, reado
       ...${shared(path)}
       value=${valueAt(whole, path)}
       ...${fieldUnit(name)}
+      most=${kMost[path.split('.').at(-1)]}
+      whole=${kWhole.includes(name)}
       label=${label}
       onValue=${set(path)}
       onBad=${onBad}

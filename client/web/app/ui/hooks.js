@@ -1,4 +1,4 @@
-// Hooks that pages share: following a store, loading, saving, drafts that survive a reload.
+// Hooks that pages share: following a store, loading, saving.
 import { dialogGate, kPresses, oneAtATime } from '../lib/presses.js';
 import { connection } from '../net/connection.js';
 import { exercises } from '../net/requests.js';
@@ -71,34 +71,6 @@ export function useAction() {
   );
   const clear = useCallback(() => setState({ busy: false, error: null }), []);
   return { ...state, run, clear };
-}
-
-/**
- * A document that is being edited, kept in this tab's storage until it is saved or discarded. Each person has separate
- * drafts.
- * @template T
- * @param {string} name
- * @returns {{read: () => T|null, write: (draft: T) => void, drop: () => void}}
- */
-export function draftOf(name) {
-  const place = `needlelab draft ${session.get().person?.name ?? ''} ${name}`;
-  return {
-    read() {
-      try {
-        return JSON.parse(sessionStorage.getItem(place));
-      } catch {
-        return null;
-      }
-    },
-    write(draft) {
-      try {
-        sessionStorage.setItem(place, JSON.stringify(draft));
-      } catch {
-        // the storage is full or forbidden: the draft lives only as long as the page
-      }
-    },
-    drop: () => sessionStorage.removeItem(place),
-  };
 }
 
 /**

@@ -1,5 +1,5 @@
 // The parts of every page: heading, problem, table, dialog, notice, list in pages, download.
-import { html, useCallback, useEffect, useState } from './html.js';
+import { html, useCallback, useEffect, useId, useState } from './html.js';
 import { store } from '../lib/store.js';
 import { newest } from '../lib/units.js';
 import { useAction, useLoad, useModal } from './hooks.js';
@@ -111,17 +111,18 @@ export function Table({ caption, head, children, class: name = '', hide_caption 
 
 /** A question or a form above the page. Escape and Cancel close it; the focus goes back to where it was. */
 export function Dialog({ title, close, children, wide }) {
-  const element = useModal();
+  const element = useModal(),
+    id = useId();
   return html`<dialog
     ref=${element}
     class=${wide ? 'wide' : ''}
-    aria-labelledby="dialog-title"
+    aria-labelledby=${id}
     onCancel=${(event) => {
       event.preventDefault();
       close?.();
     }}
   >
-    <h2 id="dialog-title">${title}</h2>
+    <h2 id=${id}>${title}</h2>
     ${children}
   </dialog>`;
 }

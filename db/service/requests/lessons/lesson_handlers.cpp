@@ -9,6 +9,7 @@
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/targets/reachable.h"
+#include "db/people/look_alikes.h"
 #include "db/people/person_refs.h"
 #include "db/service/requests/handlers.h"
 #include "db/service/requests/lessons/lesson_texts.h"
@@ -274,13 +275,20 @@ Result<pb::Reply> checkJson(const Context& context, const pb::CheckText& call) {
     const auto course = storedCurriculumOf(call.json(), "course", context.who.name, context.now_unix_ns);
     if (!course) addProblem(*check, withoutSource(course.error().message, "course"));
     // checks that need the store
+    ASSIGN_OR_RETURN(const auto profiles, ThingNames::read(context.reader, Thing::kProfile));
+    ASSIGN_OR_RETURN(auto exercises, ThingNames::read(context.reader, Thing::kExercise));
     for (std::size_t i = 0; course && i < course->exercises.size(); ++i) {
       const StoredExercise& exercise = course->exercises[i];
       const std::string path = fmt::format("exercises[{}]", i);
-      if (const auto profile = ProfileStore(context.reader).get(exercise.profile_id, 0); !profile)
-        addProblem(*check, path + ".profile_id: " + profile.error().message);
+      if (const Status known = profiles.require(exercise.profile_id); !known)
+        addProblem(*check, path + ".profile_id: " + known.error().message);
+      else if (const auto profile = ProfileStore(context.reader).get(exercise.profile_id, 0); !profile)
+        return profile.error();
       else if (const Status fits = exerciseFits(exercise, *profile, path); !fits)
         addProblem(*check, fits.error().message);
+      if (const std::string question = exercises.question(exercise.id); !question.empty())
+        addProblem(*check, path + ".id: " + question);
+      exercises.add(exercise.id, exercise.name);
       const auto other = CurriculumStore(context.reader).exercise(exercise.id);
       if (other && other->curriculum_id != course->id)
         addProblem(*check,

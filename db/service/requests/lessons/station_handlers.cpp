@@ -6,17 +6,14 @@
 #include "common/base/text/text.h"
 #include "common/profile/aid_list.h"
 #include "db/login/credentials.h"
+#include "db/people/look_alikes.h"
 #include "db/service/requests/handlers.h"
-#include "db/teaching/documents.h"
 
 namespace needlelab::handlers {
 namespace {
 
 Status stationExists(const Context& context, const std::string& name) {
-  const auto station = StationStore(context.reader).find(name);
-  if (!station) return station.error();
-  if (!*station) return Error{ErrorCode::kNotFound, "there is no station named '" + printable(name) + "'"};
-  return {};
+  return requireThing(context.reader, Thing::kStation, name);
 }
 
 /// Checks the requested lesson's session id, if there is one.
@@ -47,7 +44,7 @@ Result<pb::Reply> traineeMessage(const Context& context, const pb::TraineeMessag
 
 Result<pb::Reply> nextExercise(const Context& context, const pb::NextExercise& call) {
   RETURN_IF_ERROR(stationExists(context, call.station()));
-  RETURN_IF_ERROR(CurriculumStore(context.reader).exercise(call.exercise_id()));
+  RETURN_IF_ERROR(requireThing(context.reader, Thing::kExercise, call.exercise_id()));
   return noted(context, call.station(), call.exercise_id());
 }
 

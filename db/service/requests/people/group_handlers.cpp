@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/base/text/text.h"
+#include "db/people/look_alikes.h"
 #include "db/people/people.h"
 #include "db/service/requests/handlers.h"
 #include "db/store/connection.h"
@@ -48,15 +49,16 @@ std::string groupChange(const pb::Group& before, const pb::Group& after) {
 Result<pb::Reply> putGroup(const Context& context, const pb::PutGroup& call) {
   pb::Group stored;
   std::string detail;
-  RETURN_IF_ERROR(edit(context, call.group().id(), detail, [&](Connection& writer) {
+  RETURN_IF_ERROR(edit(context, call.group().id(), detail, [&](Connection& writer) -> Status {
     GroupStore groups(writer);
-    const auto before = groups.get(call.group().id());
-    if (!before && before.error().code != ErrorCode::kNotFound) return Status(before.error());
+    ASSIGN_OR_RETURN(const auto before, groups.find(call.group().id()));
+    if (!before || before->name() != call.group().name())
+      RETURN_IF_ERROR(checkNewNames(writer, Thing::kGroup, call.group().id(), call.group().name()));
     auto put = groups.put(call.group(), call.base_revision(), context.who.name, context.now_unix_ns);
-    if (!put) return Status(put.error());
+    if (!put) return put.error();
     stored = std::move(*put);
     detail = groupChange(before ? *before : pb::Group(), stored);
-    return Status();
+    return {};
   }));
   return groupReply(std::move(stored));
 }

@@ -14,37 +14,30 @@
 namespace needlelab {
 namespace {
 
-/// Ids separated by ';', with optional spaces.
+/// Ids separated by ';', without white space around them; each once.
 std::vector<std::string> idsOf(const std::string& cell) {
   std::vector<std::string> ids;
   for (std::size_t at = 0; at <= cell.size();) {
     const std::size_t end = std::min(cell.find(';', at), cell.size());
-    std::size_t from = at, to = end;
-    while (from < to && cell[from] == ' ') ++from;
-    while (to > from && cell[to - 1] == ' ') --to;
-    if (to > from) ids.push_back(cell.substr(from, to - from));
+    std::string id(trimmedName(std::string_view(cell).substr(at, end - at)));
+    if (!id.empty() && std::find(ids.begin(), ids.end(), id) == ids.end()) ids.push_back(std::move(id));
     at = end + 1;
   }
   return ids;
 }
 
-/// "4.71221E+11" (or with a comma), which a spreadsheet makes of 471221000123.
-bool isRoundedNumber(std::string_view code) {
-  const auto passDigits = [&] {
-    const std::size_t digits = std::min(code.find_first_not_of("0123456789"), code.size());
-    code.remove_prefix(digits);
-    return digits > 0;
-  };
-  if (!passDigits()) return false;
-  if (code.starts_with('.') || code.starts_with(',')) {
-    code.remove_prefix(1);
-    if (!passDigits()) return false;
-  }
-  if (!code.starts_with('E') && !code.starts_with('e')) return false;
-  code.remove_prefix(1);
-  if (!code.starts_with('+') && !code.starts_with('-')) return false;
-  code.remove_prefix(1);
-  return passDigits() && code.empty();
+bool isDigits(std::string_view text) {
+  return !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
+/// "471,221" or "20.261.234".
+bool isGrouped(std::string_view text) {
+  const std::size_t sign = text.find_first_of(".,'");
+  if (sign == std::string_view::npos || sign > 3 || !isDigits(text.substr(0, sign))) return false;
+  const char thousands = text[sign];
+  for (text.remove_prefix(sign); !text.empty(); text.remove_prefix(4))
+    if (text.size() < 4 || text[0] != thousands || !isDigits(text.substr(1, 3))) return false;
+  return true;
 }
 
 /// Other words for a column, as registrars write them, folded and without spaces and signs. Where a header
@@ -105,7 +98,9 @@ std::pair<std::string, int> meaningOf(std::string_view cell) {
 }
 
 std::string duplicateText(const ImportRow& first, const std::string& name) {
-  if (first.person.name == name) return fmt::format("stands in line {} already", first.line);
+  if (first.person.name == name)
+    return fmt::format("stands in line {} already: rows of one person may differ only in the group",
+                       first.line);
   return fmt::format(
       "stands in line {} already, written '{}': is it the same person? Then leave one of the two "
       "lines out, else take another name",
@@ -113,6 +108,22 @@ std::string duplicateText(const ImportRow& first, const std::string& name) {
 }
 
 }  // namespace
+
+std::string madeByTableProgram(std::string_view text) {
+  const std::size_t e = text.find_first_of("Ee");
+  const std::string_view number = text.substr(0, e);
+  const std::size_t sign = number.find_first_of(".,");
+  const std::string_view whole = number.substr(0, sign),
+                         rest = sign == std::string_view::npos ? std::string_view() : number.substr(sign + 1);
+  if (!isDigits(whole) || (sign != std::string_view::npos && !isDigits(rest))) return {};
+  if (e != std::string_view::npos) {
+    const bool has_sign = e + 1 < text.size() && (text[e + 1] == '+' || text[e + 1] == '-');
+    return has_sign && isDigits(text.substr(e + 2)) ? "a number that a spreadsheet has rounded (as 4.7E+11)"
+                                                    : "";
+  }
+  if (sign == std::string_view::npos || rest.find_first_not_of('0') != std::string_view::npos) return {};
+  return fmt::format("a number to which a table program has added '{}'", number.substr(sign));
+}
 
 Status ImportTable::read(const std::string& csv, std::size_t lines_above) {
   if (!isUtf8(csv))
@@ -131,6 +142,10 @@ Status ImportTable::read(const std::string& csv, std::size_t lines_above) {
     add(rows);
   }
   if (rows_.empty()) return Error{ErrorCode::kInvalidInput, "csv: has a header and no rows"};
+  for (ImportRow& row : rows_)
+    if (row.groups.size() > kMaxGroupsOfPerson)
+      row.fault("group", fmt::format("has {} groups, a person is in at most {}", row.groups.size(),
+                                     kMaxGroupsOfPerson));
   RETURN_IF_ERROR(checkMemberships());
   std::size_t secrets = 0;
   for (const ImportRow& row : rows_) secrets += (row.password.empty() ? 0 : 1) + (row.code.empty() ? 0 : 1);
@@ -141,6 +156,8 @@ Status ImportTable::read(const std::string& csv, std::size_t lines_above) {
                              "password",
                              secrets, kMaxImportSecrets)};
   faultEqualCodes();
+  askAboutLengths("name", [](const ImportRow& row) { return row.person.name; });
+  askAboutLengths("code", [](const ImportRow& row) { return row.code; });
   return {};
 }
 
@@ -174,6 +191,41 @@ void ImportTable::faultEqualCodes() {
       if (&other != &row && other.code == row.code)
         row.fault("code", fmt::format("is the code of line {}, too", other.line));
   }
+}
+
+void ImportTable::askAboutLengths(const std::string& column,
+                                  const std::function<std::string(const ImportRow&)>& textOf) {
+  std::map<std::size_t, std::size_t> rows_by_length;
+  for (const ImportRow& row : rows_)
+    if (const std::string text = textOf(row); isDigits(text)) ++rows_by_length[text.size()];
+  const auto most = std::max_element(rows_by_length.rbegin(), rows_by_length.rend(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (rows_by_length.size() < 2) return;
+  for (ImportRow& row : rows_) {
+    const std::string text = textOf(row);
+    if (!isDigits(text) || text.size() >= most->first || !row.question.empty()) continue;
+    row.asked_column = column;
+    row.question = fmt::format("has {} digits, most have {}: has a table program dropped zeros at the left?",
+                               text.size(), most->first);
+  }
+}
+
+bool ImportTable::joinRow(ImportRow& row) {
+  const auto there = lines_.find(nameKey(row.person.name));
+  if (there == lines_.end()) return false;
+  ImportRow& first = rows_[there->second];
+  const bool is_same = first.person.name == row.person.name &&
+                       first.person.full_name == row.person.full_name &&
+                       first.person.role == row.person.role && first.password == row.password &&
+                       first.code == row.code && first.groups != row.groups &&
+                       first.what != pb::PeopleImport::FAULT && row.what != pb::PeopleImport::FAULT;
+  if (!is_same) return false;
+  for (std::string& group : row.groups)
+    if (std::find(first.groups.begin(), first.groups.end(), group) == first.groups.end())
+      first.groups.push_back(std::move(group));
+  wipe(row.password);
+  wipe(row.code);
+  return true;
 }
 
 /// Finds the columns by their words. `name` beside a full name is the account; otherwise, beside a given name
@@ -268,9 +320,6 @@ void ImportTable::add(const CsvRows& rows) {
   };
   check("name", checkName("name", row.person.name));
   check("full_name", checkNewText("full_name", row.person.full_name, 0, 200));
-  if (row.groups.size() > kMaxGroupsOfPerson)
-    row.fault("group",
-              fmt::format("has {} groups, a person is in at most {}", row.groups.size(), kMaxGroupsOfPerson));
   for (const std::string& group : row.groups) {
     check("group", checkName("group", group));
     if (group.find(',') != std::string::npos)
@@ -285,10 +334,14 @@ void ImportTable::add(const CsvRows& rows) {
   else if (!row.password.empty() && row.person.role != pb::TRAINEE)
     check("password", checkStaffPassword(row.password, row.person.name));
   if (row.has_code) check("code", checkCode(asciiDigits(row.code)));
-  if (isRoundedNumber(row.code))
-    row.fault("code",
-              "is a number that a spreadsheet has rounded (as 4.7E+11): format the column as text, and put "
-              "the codes in again");
+  if (const std::string made = madeByTableProgram(row.code); !made.empty())
+    row.fault("code", "is " + made + ": format the column as text, and put the codes in again");
+  for (const char* const column : {"name", "code"})
+    if (isGrouped(column[0] == 'n' ? row.person.name : row.code)) {
+      row.asked_column = column;
+      row.question = "is digits with signs of thousands: has a table program put them in?";
+    }
+  if (joinRow(row)) return;
   if (row.what != pb::PeopleImport::FAULT) {
     const auto [first, is_new] = lines_.emplace(nameKey(row.person.name), rows_.size());
     if (!is_new) row.fault("name", duplicateText(rows_[first->second], row.person.name));

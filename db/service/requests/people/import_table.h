@@ -17,6 +17,10 @@
 
 namespace needlelab {
 
+/// What a table program has made of digits that are a name: "4.71221E+11" is "a number that …", and so is
+/// "471221.0"; "" for any other text.
+std::string madeByTableProgram(std::string_view text);
+
 /// Limit on the memberships named in one table, and on the total size of the groups it adds people to: the
 /// writer stores all of them again, for which others wait about 0.5 s.
 inline constexpr std::size_t kMaxImportMemberships = 20'000;
@@ -27,9 +31,9 @@ inline constexpr std::size_t kMaxImportSecrets = 200;
 /// A column's name as it is reported; the rest is cut.
 inline constexpr std::size_t kMaxColumnBytes = 200;
 
-/// A row to import.
+/// A person to import: a row, or several that differ only in the group.
 struct ImportRow {
-  std::uint32_t line = 0;
+  std::uint32_t line = 0;  ///< the first
   Person person;
   std::string password, code;
   std::vector<std::string> groups;
@@ -38,6 +42,9 @@ struct ImportRow {
   bool role_given = false, full_name_given = false, has_password = false, has_code = false;
   bool role_changes = false;
   bool code_taken = false;  ///< the code is accepted as the person's
+  /// What a person should look at before the import, and its column.
+  std::string question, asked_column;
+  std::vector<std::string> new_groups;  ///< those of `groups` that neither the store nor an earlier row has
 
   /// For compared rows: see people_import.cpp.
   [[nodiscard]] bool givesRights() const {
@@ -88,6 +95,10 @@ class ImportTable {
  private:
   [[nodiscard]] Status checkMemberships() const;
   void faultEqualCodes();
+  /// Asks about numbers shorter than most of their column: a table program drops zeros at the left.
+  void askAboutLengths(const std::string& column, const std::function<std::string(const ImportRow&)>& textOf);
+  /// Whether the row is one more group of a person of another row, which then has it.
+  bool joinRow(ImportRow& row);
   Status readHeader(bool is_there, const CsvRows& rows);
   void add(const CsvRows& rows);
 

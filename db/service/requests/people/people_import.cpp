@@ -11,6 +11,7 @@
 #include "common/base/text/text.h"
 #include "db/audit/audit.h"
 #include "db/login/credentials.h"
+#include "db/people/look_alikes.h"
 #include "db/people/people.h"
 #include "db/people/person_name.h"
 #include "db/service/requests/handlers.h"
@@ -43,9 +44,19 @@ class PeopleImporter {
   /// rights.
   Status compare(Connection& connection) {
     std::size_t giving = 0;
+    ASSIGN_OR_RETURN(auto groups, ThingNames::read(connection, Thing::kGroup));
+    ASSIGN_OR_RETURN(const auto there, numbers(connection));
     for (ImportRow& row : rows_) {
       if (row.what == pb::PeopleImport::FAULT) continue;
+      row.new_groups.clear();
       RETURN_IF_ERROR(compareRow(connection, row));
+      for (const std::string& group : row.groups) compareGroup(groups, row, group);
+      if (const auto other = there.find(withoutZeros(row.person.name));
+          other != there.end() && row.person.ref.empty())
+        row.fault("name",
+                  fmt::format("looks like '{0}' but for zeros at the left: is it the same person? Then "
+                              "write '{0}', else take another name",
+                              other->second));
       giving += row.givesRights() ? 1 : 0;
       if (giving > kMaxRightsGiven)
         return at(row, Error{ErrorCode::kInvalidInput,
@@ -113,8 +124,7 @@ class PeopleImporter {
     }
     std::size_t memberships = 0;
     for (auto& [id, joins] : joining) {
-      auto group = GroupStore(writer).get(id);
-      if (!group && group.error().code != ErrorCode::kNotFound) return group.error();
+      ASSIGN_OR_RETURN(const auto group, GroupStore(writer).find(id));
       pb::Group wanted = group ? *group : pb::Group();
       std::set<std::string>& names = joins.names;
       wanted.set_id(id);
@@ -141,8 +151,9 @@ class PeopleImporter {
   /// Reports the columns of a foreign header (rows without `what`; `column` is the header's word, `name` what
   /// it is taken as), then faults, then rows that give rights, then the others. Without faults, all rows that
   /// give rights fit.
-  void report(pb::PeopleImport& report) const {
-    enum class Told { kFault, kRights, kOther };
+  /// Before the import it names new groups; a row with a question names its column.
+  void report(pb::PeopleImport& report, bool before_import) const {
+    enum class Told { kFault, kRights, kAsked, kOther };
     const auto columns = table_.foreignColumns();
     for (const ImportColumn& column : columns.first(std::min(columns.size(), kMaxColumnsTold))) {
       auto& told = *report.add_rows();
@@ -155,10 +166,11 @@ class PeopleImporter {
     }
     const int columns_told = report.rows_size();
     std::size_t bytes = report.ByteSizeLong();
-    for (const Told turn : {Told::kFault, Told::kRights, Told::kOther}) {
+    for (const Told turn : {Told::kFault, Told::kRights, Told::kAsked, Told::kOther}) {
       for (const ImportRow& row : rows_) {
         const Told kind = row.what == pb::PeopleImport::FAULT ? Told::kFault
                           : row.givesRights()                 ? Told::kRights
+                          : !row.question.empty()             ? Told::kAsked
                                                               : Told::kOther;
         if (kind != turn || report.rows_size() >= kMaxRowsTold) continue;
         pb::PeopleImport::Row told;
@@ -167,6 +179,12 @@ class PeopleImporter {
         told.set_what(row.what);
         told.set_text(row.text);
         told.set_column(row.column);
+        if (row.what != pb::PeopleImport::FAULT) {
+          if (!row.new_groups.empty() && before_import)
+            told.mutable_text()->append("; new group: " + someNames(row.new_groups));
+          if (!row.question.empty()) told.mutable_text()->append("; " + row.question);
+          told.set_column(row.asked_column);
+        }
         bytes += told.ByteSizeLong() + 8;
         if (bytes <= kMaxReportBytes) *report.add_rows() = std::move(told);
       }
@@ -193,6 +211,33 @@ class PeopleImporter {
   }
 
  private:
+  /// The number without zeros at its left; "": not a number.
+  static std::string withoutZeros(const std::string& name) {
+    const std::size_t first = name.find_first_not_of('0');
+    const bool is_number = name.find_first_not_of("0123456789") == std::string::npos;
+    return is_number && first != std::string::npos ? name.substr(first) : std::string();
+  }
+
+  /// Accounts that are numbers, by withoutZeros().
+  static Result<std::map<std::string, std::string>> numbers(Connection& connection) {
+    ASSIGN_OR_RETURN(const auto names, connection.prepare("SELECT name FROM accounts").all(firstText));
+    std::map<std::string, std::string> found;
+    for (const std::string& name : names)
+      if (std::string rest = withoutZeros(name); !rest.empty()) found.emplace(std::move(rest), name);
+    return found;
+  }
+
+  /// Notes a group that neither the store nor an earlier row has, unless a person must be asked about it.
+  static void compareGroup(ThingNames& groups, ImportRow& row, const std::string& group) {
+    if (groups.has(group)) return;
+    if (const std::string made = madeByTableProgram(group); !made.empty())
+      return row.fault("group", fmt::format("'{}' is {}: format the column as text", group, made));
+    if (const std::string question = groups.question(group); !question.empty())
+      return row.fault("group", question);
+    groups.add(group, group);
+    row.new_groups.push_back(group);
+  }
+
   /// The people who join a group, and the first line that names it.
   struct Joining {
     std::uint32_t line = 0;
@@ -233,6 +278,8 @@ class PeopleImporter {
       row.what = pb::PeopleImport::ADD;
       row.text = "added as " + std::string(roleName(row.person.role)) + (joins.empty() ? "" : ", " + joins) +
                  (row.has_password ? ", with a password" : "") + (row.has_code ? ", with a code" : "");
+      if (const std::string made = madeByTableProgram(row.person.name); !made.empty())
+        row.fault("name", "is " + made + ": format the column as text, and put the accounts in again");
       if (auto valid = checkNewPersonName("name", row.person.name); !valid)
         row.fault("name", valid.error().message);
       if (same) row.fault("name", sameNameQuestion(same->name, row.person.name));
@@ -243,6 +290,7 @@ class PeopleImporter {
       return {};
     }
     const Person& before = *there;
+    if (row.asked_column == "name") row.question = row.asked_column = "";
     row.text.clear();
     row.role_changes = false;
     const auto addDetail = [&](const std::string& words) {
@@ -293,7 +341,7 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
   pb::Reply reply;
   auto* report = reply.mutable_people_import();
   if (people.hasFaults() || call.dry_run()) {
-    people.report(*report);
+    people.report(*report, true);
     return reply;
   }
   RETURN_IF_ERROR(people.hashSecrets());
@@ -304,13 +352,13 @@ Result<pb::Reply> importPeople(const Context& context, const pb::ImportPeople& c
     if (people.hasFaults() || people.lacksHashes())
       return Error{ErrorCode::kConflict, "people were changed meanwhile: try again"};
     pb::PeopleImport counts;
-    people.report(counts);
+    people.report(counts, false);
     detail = fmt::format("{} added, {} changed, {} as they were; {} with a role, a password or a code",
                          counts.added(), counts.changed(), counts.unchanged(), counts.rights_given());
     return people.store(writer);
   });
   if (!written) return written.error();
-  people.report(*report);
+  people.report(*report, false);
   people.reportRoles(*report);
   report->set_done(true);
   return reply;

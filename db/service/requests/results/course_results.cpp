@@ -11,6 +11,7 @@
 
 #include "common/base/text/uuid.h"
 #include "common/scoring/measures/measures.h"
+#include "db/people/look_alikes.h"
 #include "db/people/people.h"
 #include "db/people/person_refs.h"
 #include "db/service/requests/handlers.h"
@@ -183,6 +184,8 @@ Result<pb::Reply> getResults(const Context& context, const pb::GetResults& call)
   const bool with_measures = call.with_measures() && !by_station;
   ASSIGN_OR_RETURN(const auto view, Transaction::begin(context.reader, Transaction::Kind::kRead));
   const auto course = CurriculumStore(context.reader).get(call.course_id());
+  if (!course && !by_station && context.who.role != pb::TRAINEE)
+    RETURN_IF_ERROR(requireThing(context.reader, Thing::kCourse, call.course_id()));
   if (!course) return course.error();
   RETURN_IF_ERROR(requireVisible(context.reader, *course, context.who.name, context.who.role));
   ASSIGN_OR_RETURN(auto exercises, exercisesOf(context.reader, *course));

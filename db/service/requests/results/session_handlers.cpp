@@ -12,6 +12,7 @@
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/measures/syringe_events.h"
+#include "db/people/look_alikes.h"
 #include "db/service/context/long_work.h"
 #include "db/service/requests/handlers.h"
 #include "db/service/requests/lessons/profile_section.h"
@@ -117,6 +118,10 @@ Result<pb::Reply> listSessions(const Context& context, const pb::ListSessions& c
                                           },
                                           own ? context.now_unix_ns : 0));
   RETURN_IF_ERROR(left_out);
+  if (sessions.empty() && !own) {
+    RETURN_IF_ERROR(checkSpelling(context.reader, Thing::kStation, call.station()));
+    RETURN_IF_ERROR(checkSpelling(context.reader, Thing::kExercise, call.exercise_id()));
+  }
   // a page that is not full is the last one
   const std::uint32_t most = call.limit() == 0 ? kMaxListed : std::min(call.limit(), kMaxListed);
   pb::Reply reply;

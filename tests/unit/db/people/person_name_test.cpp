@@ -30,6 +30,11 @@ TEST(PersonName, spellingsOfOneNameHaveOneKey) {
         {"\u0410\u043d\u043d\u0430", "\u0430\u043d\u043d\u0430"},
         {"\u0130nci", "i\u0307nci"},
         {"an\u00adna", "anna"},
+        {"autumn-a", "autumn\u2011a"},
+        {"autumn-a", "Autumn\u2013A"},
+        {"room-3", "room\u22123"},
+        {"anna b", "anna  b"},
+        {"anna b", "anna\u00a0\u2009b"},
         {"\u0645\u06cc\u200c\u062e", "\u0645\u06cc\u062e"}}) {
     EXPECT_EQ(nameKey(one), nameKey(other)) << one << " and " << other;
     EXPECT_EQ(nameKey(nameKey(one)), nameKey(one)) << one;

@@ -2,12 +2,12 @@
 import { lab, people } from '../../net/requests.js';
 import { announce, Confirm, DangerButton, Mark, Problem, Table } from '../../ui/widgets.js';
 import { CheckField, TextField } from '../../ui/fields.js';
+import { DraftBack, draftOf, useDraft } from '../../ui/draft.js';
 import { useAction, useLoad } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 
 /** Remarks, titles and notes that name the person; nothing changes them automatically. */
-function Mentions({ name }) {
-  const [text, setText] = useState('');
+function Mentions({ name, text, setText }) {
   const [found, setFound] = useState(null);
   const action = useAction();
   const look = async () => {
@@ -58,8 +58,9 @@ function Mentions({ name }) {
 export function Erasure({ name }) {
   const [asking, setAsking] = useState(false);
   const [typed, setTyped] = useState('');
-  const [reason, setReason] = useState('');
-  const [waiting, setWaiting] = useState(false);
+  const [entry, setEntry, draft] = useDraft(`erasure/${name}`, { text: '', reason: '', waiting: false });
+  const { text, reason, waiting } = entry;
+  const set = (key) => (value) => setEntry({ ...entry, [key]: value });
   const [result, setResult] = useState(null);
   const action = useAction();
   const settings = useLoad((signal) => lab.settings(signal), []);
@@ -67,6 +68,8 @@ export function Erasure({ name }) {
   const erase = async () => {
     const report = await action.run(() => people.erase(name, reason, waiting));
     if (report) {
+      draft.drop();
+      draftOf(`person/${name}`).drop();
       setAsking(false);
       setResult(report);
     }
@@ -90,7 +93,8 @@ export function Erasure({ name }) {
           : 'Recordings, scores and attempts of this person are deleted for good.'
       }
     </p>
-    <${Mentions} name=${name} />
+    <${DraftBack} draft=${draft} />
+    <${Mentions} name=${name} text=${text} setText=${set('text')} />
     <div class="actions">
       <button type="button" class="danger" onClick=${() => setAsking(true)}>Erase all data …</button>
     </div>
@@ -106,11 +110,11 @@ export function Erasure({ name }) {
       >
         <p>This cannot be undone. Type the name to confirm.</p>
         <${TextField} label="Name" value=${typed} onValue=${setTyped} autocomplete="off" />
-        <${TextField} label="Reason" value=${reason} onValue=${setReason} />
+        <${TextField} label="Reason" value=${reason} onValue=${set('reason')} />
         <${CheckField}
           label="Also sessions that wait for a manager (they may be another person's)"
           checked=${waiting}
-          onValue=${setWaiting}
+          onValue=${set('waiting')}
         />
       <//>`
     }

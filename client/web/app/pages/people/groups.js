@@ -18,6 +18,7 @@ import {
 } from '../../ui/widgets.js';
 import { ConflictDialog } from '../../ui/conflict.js';
 import { CheckField, TextField } from '../../ui/fields.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
 import { useAction, useDebounced, useLoad } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 
@@ -25,12 +26,18 @@ import { html, useState } from '../../ui/html.js';
 const kShownMembers = 100;
 
 function AddGroup({ close }) {
-  const [entry, setEntry] = useState({ id: '', name: '' });
+  const [entry, setEntry, draft] = useDraft('group', { id: '', name: '' });
   const action = useAction();
   const problems = action.error?.field ? [{ path: action.error.field, message: action.error.said }] : [];
+  const cancel = () => {
+    draft.drop();
+    close();
+  };
   const save = async (event) => {
     event.preventDefault();
-    if (await action.run(() => groups.add({ ...entry, members: [] }))) location.hash = href(['groups', entry.id]);
+    if (!(await action.run(() => groups.add({ ...entry, members: [] })))) return;
+    draft.drop();
+    location.hash = href(['groups', entry.id]);
   };
   return html`<${Dialog} title="Add a group" close=${close}>
     <form onSubmit=${save}>
@@ -53,9 +60,10 @@ function AddGroup({ close }) {
         required
       />
       <${Problem} error=${problems.length ? null : action.error} />
+      <${DraftBack} draft=${draft} />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy}>Add</button>
-        <button type="button" onClick=${close}>Cancel</button>
+        <button type="button" onClick=${cancel}>Cancel</button>
       </div>
     </form>
   <//>`;
@@ -144,9 +152,9 @@ function Present({ names, members, toggle }) {
 }
 
 function Members({ group, load, edit }) {
-  const [name, setName] = useState(group.name);
-  const [members, setMembers] = useState(group.members);
-  const [base, setBase] = useState(group);
+  const begin = { name: group.name, members: [...group.members].sort() };
+  const [{ name, members }, setEntry, draft] = useDraft(`group/${group.id}`, begin, group);
+  const { base } = draft;
   const [conflict, setConflict] = useState(null);
   const action = useAction();
   const put = async (mine, from) => {
@@ -159,6 +167,7 @@ function Members({ group, load, edit }) {
       setConflict({ theirs: { ...theirs, author: theirs.changed_by }, ...merge(what(from), what(mine), what(theirs)) });
       return;
     }
+    draft.drop();
     announce(`${mine.name} was saved: ${counted(mine.members.length, 'member')}.`);
     load.reload();
   };
@@ -167,17 +176,18 @@ function Members({ group, load, edit }) {
     const both = resolved(conflict.merged, conflict.clashes, choice),
       theirs = conflict.theirs;
     setConflict(null);
-    setBase(theirs);
-    setName(both.name);
-    setMembers(both.members);
+    draft.rebase(theirs);
+    setEntry(both);
     return and_save ? action.run(() => put(both, theirs)) : undefined;
   };
   const drop = async () => {
     await groups.remove(group);
+    draft.drop();
     announce(`${group.name} was removed.`);
     location.hash = '#/groups';
   };
-  const toggle = (who) => (on) => setMembers(on ? [...members, who].sort() : members.filter((m) => m !== who));
+  const toggle = (who) => (on) =>
+    setEntry({ name, members: on ? [...members, who].sort() : members.filter((m) => m !== who) });
   if (!edit)
     return html`
       <p>${counted(group.members.length, 'member')}</p>
@@ -189,7 +199,8 @@ function Members({ group, load, edit }) {
       save();
     }}
   >
-    <${TextField} label="Name" value=${name} onValue=${setName} required />
+    <${DraftBack} draft=${draft} />
+    <${TextField} label="Name" value=${name} onValue=${(text) => setEntry({ name: text, members })} required />
     <fieldset>
       <legend>Members: ${members.length}</legend>
       <${Present} names=${[...new Set([...base.members, ...members])].sort()} members=${members} toggle=${toggle} />

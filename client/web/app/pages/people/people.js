@@ -5,11 +5,13 @@ import { shownOf, words } from '../../lib/units.js';
 import { people } from '../../net/requests.js';
 import { announce, Dialog, Empty, Heading, Loaded, Mark, Problem, Table, usePages } from '../../ui/widgets.js';
 import { SelectField, TextField } from '../../ui/fields.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
 import { useAction, useDebounced } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 
 export function AddPerson({ role, close, done }) {
-  const [entry, setEntry] = useState({ name: '', full_name: '', role: 'trainee', password: '' });
+  const [entry, setEntry, draft] = useDraft('person', { name: '', full_name: '', role: 'trainee' });
+  const [password, setPassword] = useState('');
   const action = useAction();
   const field = (key) => ({
     value: entry[key],
@@ -17,10 +19,15 @@ export function AddPerson({ role, close, done }) {
     path: key,
     problems: action.error?.field ? [{ path: action.error.field, message: action.error.said }] : [],
   });
+  const cancel = () => {
+    draft.drop();
+    close();
+  };
   const save = async (event) => {
     event.preventDefault();
-    const { password, ...rest } = entry;
-    if (await action.run(() => people.add(password ? entry : rest))) done(entry.name);
+    if (!(await action.run(() => people.add(password ? { ...entry, password } : entry)))) return;
+    draft.drop();
+    done(entry.name);
   };
   return html`<${Dialog} title="Add a person" close=${close}>
     <form onSubmit=${save}>
@@ -41,11 +48,14 @@ export function AddPerson({ role, close, done }) {
         autocomplete="new-password"
         help="optional for trainees: a station vouches for them"
         ...${field('password')}
+        value=${password}
+        onValue=${setPassword}
       />
       <${Problem} error=${action.error?.field ? null : action.error} />
+      <${DraftBack} draft=${draft} />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy}>Add</button>
-        <button type="button" onClick=${close}>Cancel</button>
+        <button type="button" onClick=${cancel}>Cancel</button>
       </div>
     </form>
   <//>`;

@@ -12,7 +12,8 @@ import {
 } from '../../lib/class_columns.js';
 import { people } from '../../net/requests.js';
 import { announce, Heading, Mark, Problem, Table } from '../../ui/widgets.js';
-import { SelectField, TextField } from '../../ui/fields.js';
+import { NumberField, SelectField, TextField } from '../../ui/fields.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
 import { useAction } from '../../ui/hooks.js';
 import { html, useId, useState } from '../../ui/html.js';
 
@@ -25,6 +26,7 @@ const kWhat = {
 };
 const kSample = 'name,full_name,role,group\nanna.bauer,Anna Bauer,trainee,autumn-a\n';
 const kMost_bytes = 1 << 20;
+const kMost_lines = 1000;
 
 /**
  * The text of a file. A spreadsheet's "CSV" is often Windows-1252.
@@ -129,7 +131,8 @@ function Report({ report }) {
       </p>`
     }
     <${Table} caption=${counts} head=${['Line', 'Name', 'What', 'Words', 'Column']}>${rows.map((row) => {
-      const [kind, word] = kWhat[row.what];
+      const [usual, word] = kWhat[row.what],
+        kind = row.column && row.what !== 'FAULT' ? 'warn' : usual; // it asks something
       return html`<tr class=${row.what === 'FAULT' ? 'row-bad' : ''}>
         <td class="number">${row.line}</td>
         <th scope="row">${row.name || '–'}</th>
@@ -143,8 +146,9 @@ function Report({ report }) {
 
 export function PeopleImportPage() {
   const id = useId();
-  const [csv, setCsv] = useState('');
-  const [linesAbove, setLinesAbove] = useState(0);
+  const [{ csv, linesAbove }, setList, draft] = useDraft('people-import', { csv: '', linesAbove: 0 });
+  const setCsv = (text) => setList((before) => ({ ...before, csv: text }));
+  const [bad, setBad] = useState(false);
   const [report, setReport] = useState(null);
   const [problem, setProblem] = useState('');
   const [unread, setUnread] = useState(null);
@@ -156,7 +160,9 @@ export function PeopleImportPage() {
     const reply = await action.run(() => people.importCsv(list, linesAbove, dry_run));
     if (!reply) return;
     setReport({ ...reply, csv: list, linesAbove });
-    if (reply.done) announce(`${reply.added} people were added, ${reply.changed} changed.`);
+    if (!reply.done) return;
+    draft.drop();
+    announce(`${reply.added} people were added, ${reply.changed} changed.`);
   };
   const pick = async (event) => {
     const [file] = event.target.files;
@@ -178,6 +184,7 @@ export function PeopleImportPage() {
     remember(header, chosen);
     ask(true, withColumns(csv, linesAbove, chosen));
   };
+  const lines_fit = Number.isInteger(linesAbove) && linesAbove >= 0 && linesAbove <= kMost_lines;
   const current = report && report.csv === sent && report.linesAbove === linesAbove && !report.done;
   const checked = current && report.faults === 0;
   const columns = current && !renames ? columnsOf(report) : [];
@@ -191,6 +198,7 @@ export function PeopleImportPage() {
       any order, as are usual words for them in English, German and French; others are ignored. People who exist already
       are updated, not duplicated.
     </p>
+    <${DraftBack} draft=${draft} />
     <div class="field">
       <label for=${id}>CSV file</label>
       <input id=${id} type="file" accept=".csv,text/csv,text/plain" onChange=${pick} />
@@ -204,13 +212,15 @@ export function PeopleImportPage() {
       placeholder=${kSample}
       wide
     />
-    <${TextField}
+    <${NumberField}
       label="Lines above the header"
-      type="number"
-      min="0"
-      max="1000"
+      path="lines_above"
+      most=${kMost_lines}
+      whole
       value=${linesAbove}
-      onValue=${(text) => setLinesAbove(Number(text) || 0)}
+      onValue=${(lines = 0) => setList((before) => ({ ...before, linesAbove: lines }))}
+      onBad=${(_, is) => setBad(is)}
+      problems=${lines_fit ? [] : [{ path: 'lines_above', message: `0 to ${kMost_lines}` }]}
     />
     ${problem && html`<p class="error"><span aria-hidden="true">✗</span> ${problem}</p>`}
     ${
@@ -227,7 +237,7 @@ export function PeopleImportPage() {
       <button
         type="button"
         class=${checked ? '' : 'main'}
-        disabled=${!csv.trim() || !!problem || action.busy}
+        disabled=${!csv.trim() || !!problem || bad || !lines_fit || action.busy}
         onClick=${() => ask(true)}
       >
         Check: what will happen

@@ -6,22 +6,26 @@ import { words } from '../../lib/units.js';
 import { people } from '../../net/requests.js';
 import { announce, DangerButton, Heading, JsonDownload, Loaded, Mark, Problem } from '../../ui/widgets.js';
 import { CheckField, SelectField, TextField } from '../../ui/fields.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
 import { useAction, useLoad } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 import { CodeForm } from './codes.js';
 import { Erasure } from './erasure.js';
 
 function Data({ shown, me, load }) {
-  const [name, setAccount] = useState(shown.name);
-  const [full_name, setName] = useState(shown.full_name);
-  const [role, setRole] = useState(shown.role);
+  const begin = { name: shown.name, full_name: shown.full_name, role: shown.role };
+  const [entry, setEntry, draft] = useDraft(`person/${shown.name}`, begin, shown.revision);
+  const { name, full_name, role } = entry;
+  const set = (key) => (value) => setEntry({ ...entry, [key]: value });
   const action = useAction();
   const roles = grantable(me.role);
   // a person with a higher role cannot be changed
   const fixed = !roles.includes(shown.role);
   const change = async (changes, text) => {
-    const person = await action.run(() => people.change(shown, changes));
+    const person = await action.run(() => people.change({ ...shown, revision: draft.base }, changes));
     if (!person) return;
+    if ('full_name' in changes) draft.drop();
+    else draft.rebase(person.revision);
     load.setData(person);
     announce(text);
     // another name has another address
@@ -41,14 +45,15 @@ function Data({ shown, me, load }) {
   return html`<form onSubmit=${save}>
     <fieldset>
       <legend>Data</legend>
+      <${DraftBack} draft=${draft} />
       ${fixed && html`<p class="help">People of the role ${words(shown.role)} are changed by administrators.</p>`}
       <div class="fields">
-        <${TextField} label="Account" value=${name} onValue=${setAccount} readonly=${fixed} autocomplete="off" />
-        <${TextField} label="Full name" value=${full_name} onValue=${setName} readonly=${fixed} />
+        <${TextField} label="Account" value=${name} onValue=${set('name')} readonly=${fixed} autocomplete="off" />
+        <${TextField} label="Full name" value=${full_name} onValue=${set('full_name')} readonly=${fixed} />
         <${SelectField}
           label="Role"
           value=${role}
-          onValue=${setRole}
+          onValue=${set('role')}
           disabled=${fixed}
           options=${(fixed ? [shown.role] : roles).map((r) => [r, words(r)])}
         />
@@ -61,6 +66,7 @@ function Data({ shown, me, load }) {
                 type="button"
                 onClick=${() => {
                   action.clear();
+                  draft.discard();
                   load.reload();
                 }}
               >

@@ -5,6 +5,7 @@ import { clock, moment } from '../../lib/time.js';
 import { people, sessions } from '../../net/requests.js';
 import { TextField } from '../../ui/fields.js';
 import { SearchField } from '../../ui/search_field.js';
+import { DraftBack, useDraft } from '../../ui/draft.js';
 import { useAction, useExerciseName } from '../../ui/hooks.js';
 import { html, useState } from '../../ui/html.js';
 import { announce, Dialog, Empty, Heading, Loaded, number, Problem, Table, usePages } from '../../ui/widgets.js';
@@ -22,10 +23,14 @@ async function findPerson(text, signal) {
 
 function Assign({ session, close, done }) {
   const { session_id, trainee } = session.description;
-  const [to, setTo] = useState(null);
-  const [reason, setReason] = useState('');
-  const [begin, setBegin] = useState('');
+  const [entry, setEntry, draft] = useDraft(`assign/${session_id}`, { to: null, reason: '', begin: '' });
+  const { to, reason, begin } = entry;
+  const set = (key) => (value) => setEntry({ ...entry, [key]: value });
   const action = useAction();
+  const cancel = () => {
+    draft.drop();
+    close();
+  };
   const save = async (event) => {
     event.preventDefault();
     if (
@@ -34,6 +39,7 @@ function Assign({ session, close, done }) {
       ))
     )
       return;
+    draft.drop();
     announce(`The session of ${trainee} was given to ${to.key}.`);
     done();
   };
@@ -45,7 +51,7 @@ function Assign({ session, close, done }) {
         required
         chosen=${to}
         find=${findPerson}
-        onChoose=${setTo}
+        onChoose=${set('to')}
         help="type part of a name or group"
         failed="No one can be chosen: the people could not be loaded"
       />
@@ -56,21 +62,22 @@ function Assign({ session, close, done }) {
             label="It began"
             type="datetime-local"
             value=${begin}
-            onValue=${setBegin}
+            onValue=${set('begin')}
             help="empty: the station’s time is right"
           />`
       }
       <${TextField}
         label="Reason"
         value=${reason}
-        onValue=${setReason}
+        onValue=${set('reason')}
         maxlength="500"
         help="optional; appears in the audit"
       />
       <${Problem} error=${action.error} />
+      <${DraftBack} draft=${draft} />
       <div class="actions">
         <button type="submit" class="main" disabled=${action.busy || !to}>Give the session</button>
-        <button type="button" onClick=${close}>Cancel</button>
+        <button type="button" onClick=${cancel}>Cancel</button>
       </div>
     </form>
   <//>`;
