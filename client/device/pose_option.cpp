@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -11,6 +10,7 @@
 #include "common/base/files/files.h"
 #include "common/base/range.h"
 #include "common/base/text/csv.h"
+#include "common/base/text/csv_rows.h"
 
 namespace needlelab {
 namespace {
@@ -18,42 +18,40 @@ namespace {
 using Numbers = std::array<double, 7>;
 constexpr std::array<const char*, 7> kNames = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
-Result<Pose> checked(const Numbers& v, const std::string& where) {
-  for (std::size_t i = 0; i < v.size(); ++i) {
-    const NumberRange range = i < 3 ? NumberRange{-1000, 1000} : NumberRange{-1.001, 1.001};
-    if (!range.contains(v[i])) return outOfRange(where + ": " + kNames[i], v[i], range);
-  }
+Result<Pose> checked(const Numbers& v, const std::string& where, Quantity reach) {
+  for (std::size_t i = 0; i < v.size(); ++i)
+    if (const NumberRange range{-1.001, 1.001}; !std::isfinite(v[i]) || (i >= 3 && !range.contains(v[i])))
+      return outOfRange(where + ": " + kNames[i], v[i], range);
+  RETURN_IF_ERROR(
+      checkPlausible(where + ": the distance from the origin", reach, std::hypot(v[0], v[1], v[2])));
   const Quat q{v[3], v[4], v[5], v[6]};
   if (const double length = std::sqrt(dot(q, q)); !(std::abs(length - 1) <= 1e-3))
     return outOfRange(where + ": length of the quaternion", length, {0.999, 1.001});
   return Pose{{v[0], v[1], v[2]}, normalized(q)};
 }
 
-Result<Pose> fromNumbers(std::string_view text, const std::string& option) {
+Result<Pose> fromNumbers(std::string_view text, const std::string& option, Quantity reach) {
   Numbers v{};
   std::size_t count = 0;
   for (bool more = true; more; ++count) {
     const std::size_t comma = text.find(',');
-    std::string_view cell = text.substr(0, comma);
-    while (!cell.empty() && cell.front() == ' ') cell.remove_prefix(1);
-    while (!cell.empty() && cell.back() == ' ') cell.remove_suffix(1);
+    const std::string_view cell = text.substr(0, comma);
     more = comma != std::string_view::npos;
     if (more) text.remove_prefix(comma + 1);
-    double value = 0;
-    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-    if (error != std::errc() || end != cell.data() + cell.size())
+    const auto value = numberOf(cell);
+    if (!value)
       return Error{ErrorCode::kInvalidInput,
                    option + ": '" + std::string(cell.substr(0, 40)) +
                        "' is not a number; x,y,z,qx,qy,qz,qw or a JSON file is expected"};
-    if (count < v.size()) v[count] = value;
+    if (count < v.size()) v[count] = *value;
   }
   if (count != v.size())
     return Error{ErrorCode::kInvalidInput,
                  fmt::format("{}: {} numbers, the seven x,y,z,qx,qy,qz,qw are expected", option, count)};
-  return checked(v, option);
+  return checked(v, option, reach);
 }
 
-Result<Pose> fromFile(const std::string& path, const std::string& option) {
+Result<Pose> fromFile(const std::string& path, const std::string& option, Quantity reach) {
   const std::string where = option + ": " + path;
   const auto text = readWholeFile(path, 64u << 10);
   if (!text.ok()) return Error{text.error().code, option + ": " + text.error().message};
@@ -84,7 +82,7 @@ Result<Pose> fromFile(const std::string& path, const std::string& option) {
       v[group.at + i] = number->get<double>();
     }
   }
-  return checked(v, where);
+  return checked(v, where, reach);
 }
 
 Numbers numbersOf(const Pose& pose) {
@@ -93,11 +91,11 @@ Numbers numbersOf(const Pose& pose) {
 
 }  // namespace
 
-Result<Pose> parsePoseOption(const std::string& text, const std::string& option) {
+Result<Pose> parsePoseOption(const std::string& text, const std::string& option, Quantity reach) {
   // a list of numbers has commas and no character that only a file name has
-  const bool numbers =
-      text.find(',') != std::string::npos && text.find_first_not_of("0123456789+-.,eE ") == std::string::npos;
-  return numbers ? fromNumbers(text, option) : fromFile(text, option);
+  const bool numbers = text.find(',') != std::string::npos &&
+                       text.find_first_not_of("0123456789+-.,eE \u2212") == std::string::npos;
+  return numbers ? fromNumbers(text, option, reach) : fromFile(text, option, reach);
 }
 
 std::string poseOptionText(const Pose& pose) {

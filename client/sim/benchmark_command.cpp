@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -27,6 +29,7 @@ struct BenchmarkCommand {
   bool no_times = false;
   std::vector<std::string> questions;  // empty = all
   std::vector<std::string> negate;     // "depth", "force"
+  std::string encoding;
   CurveReading reading;
   JsonOption json;
 };
@@ -72,6 +75,7 @@ int benchmark(const BenchmarkCommand& command) {
   };
   reading.negate_depth = negates("depth");
   reading.negate_force = negates("force");
+  if (command.encoding == kEncodingNames[1]) reading.encoding = TextEncoding::kWindows1252;
   const auto set = readCurveSet(command.data, command.description, reading);
   if (!set.ok()) return failed("benchmark", set.error());
   if (const Status status = checkPaths(command, *set); !status.ok())
@@ -148,6 +152,17 @@ void addBenchmarkCommand(CLI::App& app, SimCommand& chosen) {
       ->add_option("--lines-above", options->reading.lines_above,
                    "lines above the header of each file, which an instrument writes, 0 to 1000")
       ->check(CLI::Range(0, 1000));
+  command
+      ->add_option("--encoding", options->encoding,
+                   "what the files are written in, unless it is UTF-8 or UTF-16: windows-1252")
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kEncodingNames), std::end(kEncodingNames))));
+  command
+      ->add_option("--force-unit", options->reading.force_unit_N,
+                   "what force_n is in: N (also above 20 N), mN, gf, kgf")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, double>{{"N", 1}, {"mN", 1e-3}, {"gf", 9.80665e-3}, {"kgf", 9.80665}}));
+  command->add_flag("--tare", options->reading.tare,
+                    "takes the force above the skin off: the sensor was not tared, or its zero drifts");
   command->add_flag("--digitised", options->reading.digitised,
                     "the rows are points of a figure, in any order of depth");
   addJsonOption(*command, options->json);

@@ -94,6 +94,8 @@ int run(const RunOptions& options) {
   if (recorded && !options.input.tool.empty())
     return failed("run", {ErrorCode::kInvalidInput,
                           "--tool: not with --recorded, whose poses are the tip's; leave it out"});
+  if (recorded && options.input.reading.bridges_holes)
+    return failed("run", {ErrorCode::kInvalidInput, "--damaged: only with --trajectory"});
   if (options.out.empty())
     return failed("run", {ErrorCode::kInvalidInput, "--out: is empty; give the name of a file"});
   if (const Status status = checkOutputs({{"--profile", options.input.profile},
@@ -111,6 +113,7 @@ int run(const RunOptions& options) {
     auto read =
         readRecordedGesture(options.recorded, DamagedRecording::kRefuse, WallColumns::kRead, input.rate_hz);
     if (!read.ok()) return failed("run", read.error());
+    if (!read->note.empty()) std::fprintf(stderr, "needlelab-sim: warning: %s\n", read->note.c_str());
     samples = std::move(read->samples);
     paths = std::move(read->paths);
     input.rate_hz = read->rate_hz;
@@ -118,13 +121,15 @@ int run(const RunOptions& options) {
   const auto scene = loadOffline(input);
   if (!scene.ok()) return failed("run", scene.error());
   printWarnings(*scene);
+  for (const std::string& hole : scene->track.holes) std::fprintf(stderr, "damaged: %s\n", hole.c_str());
   if (recorded)
     for (const std::string& part : partOfGesture(samples, input.rate_hz.value_or(0)))
       std::fprintf(stderr, "needlelab-sim: warning: %s\n", part.c_str());
   const auto spec = sceneSpecOf(scene->profile, scene->X_WL);
   if (!spec.ok()) return failed("run", spec.error());
   const auto tip = [&](std::size_t i) { return recorded ? tipOf(samples[i]) : scene->tip(i); };
-  warnOfDirection("run", spec->limb, recorded ? samples.size() : scene->track.X_WH.size(), tip);
+  warnOfDirection("run", spec->limb, recorded ? samples.size() : scene->track.X_WH.size(), tip,
+                  recorded ? QuaternionOrder::kSure : QuaternionOrder::kUnsure);
 
   RecordedDifference difference;
   const RunTable table =
@@ -147,6 +152,7 @@ int run(const RunOptions& options) {
                                 {"max_torque_nm", totals.max_torque_Nm},
                                 {"max_depth_m", totals.max_depth_m},
                                 {"hash", hash}};
+  if (!scene->track.holes.empty()) row["holes"] = scene->track.holes;
   if (recorded)
     row.update({{"compared_ticks", difference.compared_ticks},
                 {"differing_ticks", difference.differing_ticks},

@@ -35,7 +35,6 @@ namespace {
 struct ScoreOptions {
   OfflineOptions input;
   std::filesystem::path recorded;                 // instead of a trajectory
-  bool damaged = false;                           // score recordings with holes too
   std::vector<std::filesystem::path> references;  // of the same kind
   std::filesystem::path exercise;                 // empty = none
   JsonOption json;
@@ -64,10 +63,16 @@ Result<std::vector<GestureSample>> gestureOf(const OfflineScene& scene) {
   return samples;
 }
 
+struct Scored {
+  OfflineScene scene;
+  std::vector<GestureSample> samples;
+  std::vector<TipPath> references;
+  std::vector<std::string> holes;  // in the files, by file
+};
+
 // The samples of a recording, or of their CSV. `rate_hz` becomes the first file's rate.
 Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path, bool damaged,
-                                              std::optional<double>& rate_hz,
-                                              std::vector<std::string>& holes) {
+                                              std::optional<double>& rate_hz, Scored& scored) {
   auto read = readRecordedGesture(path, damaged ? DamagedRecording::kRead : DamagedRecording::kRefuse,
                                   WallColumns::kIgnored, rate_hz);
   if (!read.ok())
@@ -76,16 +81,10 @@ Result<std::vector<GestureSample>> recordedOf(const std::filesystem::path& path,
         read.error().message +
             (damaged || read.error().code != ErrorCode::kCorrupt ? "" : " (--damaged scores what is left)")};
   rate_hz = read->rate_hz;
-  for (const std::string& hole : read->holes) holes.push_back(path.string() + ": " + hole);
+  for (const std::string& hole : read->holes) scored.holes.push_back(path.string() + ": " + hole);
+  if (!read->note.empty()) std::fprintf(stderr, "needlelab-sim: warning: %s\n", read->note.c_str());
   return std::move(read->samples);
 }
-
-struct Scored {
-  OfflineScene scene;
-  std::vector<GestureSample> samples;
-  std::vector<TipPath> references;
-  std::vector<std::string> holes;  // in the recordings, by file
-};
 
 // The gesture and its references.
 Result<Scored> loadScored(const ScoreOptions& options) {
@@ -94,7 +93,8 @@ Result<Scored> loadScored(const ScoreOptions& options) {
     ASSIGN_OR_RETURN(auto profile, loadProfile(options.input.profile));
     scored.scene.profile = std::move(profile);
     if (!options.input.placement.empty()) {
-      ASSIGN_OR_RETURN(const auto X_WL, parsePoseOption(options.input.placement, "--placement"));
+      ASSIGN_OR_RETURN(const auto X_WL,
+                       parsePoseOption(options.input.placement, "--placement", Quantity::kPlacement));
       scored.scene.X_WL = X_WL;
     }
   } else {
@@ -104,11 +104,12 @@ Result<Scored> loadScored(const ScoreOptions& options) {
   std::optional<double> rate_hz = options.input.rate_hz;
   const auto load = [&](const std::filesystem::path& path) -> Result<std::vector<GestureSample>> {
     if (!options.recorded.empty()) {
-      auto read = recordedOf(path, options.damaged, rate_hz, scored.holes);
+      auto read = recordedOf(path, options.input.reading.bridges_holes, rate_hz, scored);
       scored.scene.rate_hz = rate_hz.value_or(0);
       return read;
     }
-    ASSIGN_OR_RETURN(scored.scene.track, readTrackAt(path, scored.scene.rate_hz, options.input.lines_above));
+    ASSIGN_OR_RETURN(scored.scene.track, readTrackAt(path, scored.scene.rate_hz, options.input.reading));
+    scored.holes.insert(scored.holes.end(), scored.scene.track.holes.begin(), scored.scene.track.holes.end());
     auto samples = gestureOf(scored.scene);
     if (!samples.ok()) return Error{samples.error().code, path.string() + ": " + samples.error().message};
     return samples;
@@ -136,8 +137,6 @@ Result<std::optional<pb::Exercise>> exerciseOf(const std::filesystem::path& path
 }
 
 int score(const ScoreOptions& options) {
-  if (options.damaged && options.recorded.empty())
-    return failed("score", {ErrorCode::kInvalidInput, "--damaged: only with --recorded"});
   if (options.recorded.empty() == options.input.trajectory.empty())
     return failed(
         "score", {ErrorCode::kInvalidInput, "give either --trajectory or --recorded (a device's recording)"});
@@ -161,8 +160,9 @@ int score(const ScoreOptions& options) {
       std::fprintf(stderr, "needlelab-sim: warning: %s\n", part.c_str());
   const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return failed("score", spec.error());
-  warnOfDirection("score", spec->limb, scored->samples.size(),
-                  [&](std::size_t i) { return tipOf(scored->samples[i]); });
+  warnOfDirection(
+      "score", spec->limb, scored->samples.size(), [&](std::size_t i) { return tipOf(scored->samples[i]); },
+      options.recorded.empty() ? QuaternionOrder::kUnsure : QuaternionOrder::kSure);
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
   if (exercise->has_value()) {
@@ -177,12 +177,18 @@ int score(const ScoreOptions& options) {
     std::fputs(scoreText(measures).c_str(), stdout);
     for (const pb::SyringeEvent& event : events) std::printf("\n%s", eventText(event).c_str());
     if (!events.empty()) std::fputs("\n", stdout);
+    if (!scored->holes.empty())
+      std::printf("incomplete: measures of a gesture with %zu %s (--damaged)\n", scored->holes.size(),
+                  scored->holes.size() == 1 ? "gap" : "gaps");
     return kExitDone;
   }
   const auto rows = nlohmann::ordered_json::parse(scoreJson(measures));
   nlohmann::ordered_json more = {{"events", nlohmann::ordered_json::parse(eventsJson(events))},
                                  {"definition_version", kScoreDefinitionVersion}};
-  if (options.damaged) more["holes"] = scored->holes;
+  if (options.input.reading.bridges_holes) {
+    more["holes"] = scored->holes;
+    more["incomplete"] = !scored->holes.empty();
+  }
   if (const Status status = writeJson(options.json, rows, more); !status.ok())
     return failed("score", status.error());
   return kExitDone;
@@ -199,10 +205,10 @@ void addScoreCommand(CLI::App& app, SimCommand& chosen) {
       "--recorded", options->recorded,
       "instead of a trajectory: a session's recording, or its samples as CSV (session export --every-tick); nothing is "
       "recomputed, so that the measures are the server's");
-  command->add_flag(
-      "--damaged", options->damaged,
-      "with --recorded: also scores the readable rest of damaged recordings and lists all gaps; without "
-      "it they are refused");
+  command->get_option("--damaged")
+      ->description(
+          "also scores what is left of damaged recordings, and trajectories with gaps (a tracker that lost sight), which "
+          "straight lines bridge; lists all gaps and marks the measures as incomplete; without it they are refused");
   command->add_option("--reference", options->references,
                       "a gesture to compare with, of the same kind; may be given several times");
   command->add_option("--exercise", options->exercise, "an exercise's JSON: its requirements are checked");

@@ -2,9 +2,11 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <string>
 
@@ -65,6 +67,22 @@ bool putInteger(double value, Integer& field) {
       value >= static_cast<double>(Limits::max()) + (sizeof(Integer) < 8 ? 1 : 0))
     return false;
   field = static_cast<Integer>(value);
+  return true;
+}
+
+/// A spreadsheet writes 1945940123456 as 1.94594E+12. Then the times come from t_s; false: nothing was
+/// rounded.
+bool restoreRoundedTimes(std::vector<GestureSample>& samples, const std::vector<double>& t_s) {
+  constexpr std::int64_t kRounded_ns = 100'000, kApart_ns = 10'000;
+  std::int64_t farthest_ns = 0;
+  std::vector<std::int64_t> times_ns;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (samples[i].time_ns % kRounded_ns != 0) return false;
+    times_ns.push_back(samples.front().time_ns + std::llround(1e9 * (t_s[i] - t_s.front())));
+    farthest_ns = std::max(farthest_ns, std::abs(times_ns.back() - samples[i].time_ns));
+  }
+  if (farthest_ns <= kApart_ns) return false;
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].time_ns = times_ns[i];
   return true;
 }
 
@@ -135,8 +153,9 @@ void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_
   out += '}';
 }
 
-Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path, WallColumns wall) {
-  // t_s says what time_ns says
+Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path, WallColumns wall,
+                                                 std::string* note) {
+  // t_s says what time_ns says, and stands in for it
   const auto is_read = [&](const std::string& name) {
     return name != "t_s" && (name[0] != 'w' || wall == WallColumns::kRead);
   };
@@ -145,7 +164,7 @@ Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& pa
   forEachSampleColumn(none, 0, [&](const SampleColumn& column, auto&) {
     if (is_read(column.name)) names.emplace_back(column.name);
   });
-  ASSIGN_OR_RETURN(const auto table, readCsv(path, names, {}, {.not_finite = {"wx_m", "wy_m", "wz_m"}}));
+  ASSIGN_OR_RETURN(const auto table, readCsv(path, names, {"t_s"}, {.not_finite = {"wx_m", "wy_m", "wz_m"}}));
   std::vector<int> places;
   for (const std::string& name : names) places.push_back(table.find(name));
   std::vector<GestureSample> samples(table.rows());
@@ -161,10 +180,14 @@ Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& pa
         bad = column.name;
     });
     if (bad != nullptr)
-      return Error{
-          ErrorCode::kInvalidInput,
-          fmt::format("{}, line {}, column {}: no whole number in its range", path.string(), row + 2, bad)};
+      return Error{ErrorCode::kInvalidInput,
+                   fmt::format("{}, line {}, column {}: no whole number in its range", path.string(),
+                               table.lines[row], bad)};
   }
+  if (const int t_s = table.find("t_s");
+      t_s >= 0 && restoreRoundedTimes(samples, table.columns[static_cast<std::size_t>(t_s)]) &&
+      note != nullptr)
+    *note = fmt::format("{}: time_ns was rounded by a spreadsheet: times are those of t_s", path.string());
   return samples;
 }
 

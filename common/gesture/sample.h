@@ -78,9 +78,11 @@ void appendSampleJson(std::string& out, const GestureSample& sample, std::int64_
 /// Whether the wall's columns are required and read. Scores do not need them.
 enum class WallColumns : std::uint8_t { kIgnored, kRead };
 
-/// Reads the samples of an exported CSV. A wall that is left out is NaN; time_ns is exact up to 2^53 ns.
+/// Reads the samples of an exported CSV. A wall that is left out is NaN; time_ns is exact up to 2^53 ns. If a
+/// spreadsheet rounded time_ns, times come from t_s, and `note` says so to people.
 /// Errors: those of readCsv; kInvalidInput naming line and column, when a cell does not fit its column.
 Result<std::vector<GestureSample>> readSampleCsv(const std::filesystem::path& path,
-                                                 WallColumns wall = WallColumns::kIgnored);
+                                                 WallColumns wall = WallColumns::kIgnored,
+                                                 std::string* note = nullptr);
 
 }  // namespace needlelab

@@ -9,6 +9,7 @@
 
 #include "client/device/falcon/falcon_device.h"
 #include "client/device/hand/simulated_device.h"
+#include "client/device/recording/needle_direction.h"
 #include "client/device/recording/recording_device.h"
 #include "client/device/recording/whole_recording.h"
 #include "client/device/virtuose/virtuose_device.h"
@@ -43,8 +44,9 @@ MadeDevice makeRecording(const std::string& rest, const DeviceOptions& options) 
   const std::string file = argumentOf(rest);
   if (file.empty())
     return Error{ErrorCode::kInvalidInput, "--device recording: needs a file, as in recording:stroke.csv"};
-  ASSIGN_OR_RETURN(auto track,
-                   beginsAsRecording(file) ? readRecordedTrack(file, options.X_HT) : readPoseTrack(file));
+  const bool is_recording = beginsAsRecording(file);
+  ASSIGN_OR_RETURN(auto track, is_recording ? readRecordedTrack(file, options.X_HT) : readPoseTrack(file));
+  if (!is_recording) warnOfDirection(file, options.scene.limb, track, options.X_HT);
   return MadeDevice(
       std::make_unique<RecordingDevice>(std::move(track), std::filesystem::path(file).filename().string()));
 }

@@ -4,13 +4,15 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <string>
 #include <string_view>
 #include <variant>
 
+#include "client/device/recording/needle_direction.h"
 #include "client/device/recording/recording_device.h"
+#include "common/base/plausible.h"
+#include "common/base/text/csv_rows.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 
@@ -77,8 +79,9 @@ Vec3 referencePoint(const Limb& limb) {
   return middle + outwardNormal(limb, middle) * capsule.radius_m;
 }
 
-Result<HandPlan> planFromCsv(const std::string& path) {
+Result<HandPlan> planFromCsv(const std::string& path, const Limb& limb) {
   ASSIGN_OR_RETURN(auto track, readPoseTrack(path));
+  warnOfDirection(path, limb, track, {});
   HandPlan plan(track.X_WH.front());
   if (!track.plunger.empty()) plan.plungerAtStart(track.plunger.front());
   for (std::size_t i = 1; i < track.t_s.size(); ++i) {
@@ -122,9 +125,11 @@ Result<HandPlan> planByName(const std::string& kind, const std::string& argument
   if (by_depth) {
     double depth = usualDepth_m(scene);
     if (!argument.empty()) {
-      const auto [end, error] = std::from_chars(argument.data(), argument.data() + argument.size(), depth);
-      if (error != std::errc() || end != argument.data() + argument.size() || !(depth > 0 && depth <= 1))
-        return invalid("depth '" + argument + "' is not a number of metres above 0 and up to 1");
+      const auto number = numberOf(argument);
+      if (!number || !(*number > 0))
+        return invalid("depth '" + argument + "' is not a number of metres above 0");
+      depth = *number;
+      RETURN_IF_ERROR(checkPlausible("--hand-plan: depth", Quantity::kDepth, depth));
     }
     return insertionPlan(surface, -n, depth, style);
   }
@@ -284,7 +289,8 @@ Result<HandPlan> choosePlan(const HandOptions& options, const SceneSpec& scene_W
   const std::string kind = options.plan.substr(0, colon);
   const std::string argument = colon == std::string::npos ? "" : options.plan.substr(colon + 1);
   const bool is_name = kind == "target" || kind == "retry" || kind == "depth" || kind == "rest";
-  auto plan = is_name ? planByName(kind, argument, options, scene_W, targets_W) : planFromCsv(options.plan);
+  auto plan = is_name ? planByName(kind, argument, options, scene_W, targets_W)
+                      : planFromCsv(options.plan, scene_W.limb);
   if (!plan.ok()) return plan;
   const bool caps = options.capped && kind != "rest";
   if (caps) {

@@ -9,6 +9,7 @@
 
 #include "client/device/recording/whole_recording.h"
 #include "common/base/histogram.h"
+#include "common/base/plausible.h"
 #include "common/base/range.h"
 #include "common/base/text/csv.h"
 
@@ -49,23 +50,34 @@ void forEachTick(const PoseTrack& track, double rate_hz, RowIs row_is, Between b
   }
 }
 
-// returns the row after the first hole
-std::optional<std::size_t> gapIn(const std::vector<double>& t_s) {
-  if (t_s.size() < 3) return std::nullopt;
+// the rows that come after a hole
+std::vector<std::size_t> holesIn(const std::vector<double>& t_s) {
+  std::vector<std::size_t> holes;
+  if (t_s.size() < 3) return holes;
   std::vector<double> periods;
   for (std::size_t i = 1; i < t_s.size(); ++i) periods.push_back(t_s[i] - t_s[i - 1]);
   const double max_s = std::max(3 * medianOf(periods), kMaxGap_s) + kOnTick_s;
-  const auto found =
-      std::find_if(periods.begin(), periods.end(), [&](double period) { return period > max_s; });
-  if (found == periods.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - periods.begin()) + 1;
+  for (std::size_t i = 0; i < periods.size(); ++i)
+    if (periods[i] > max_s) holes.push_back(i + 1);
+  return holes;
+}
+
+Status checkWays(const std::string& where, const CsvTable& table) {
+  for (const char* const name : {"px_m", "py_m", "pz_m"}) {
+    const auto& column = table.columns[static_cast<std::size_t>(table.find(name))];
+    const auto [least, greatest] = std::minmax_element(column.begin(), column.end());
+    RETURN_IF_ERROR(checkPlausible(
+        fmt::format("{}: the way of {} ({} to {})", where, name, numberText(*least), numberText(*greatest)),
+        Quantity::kWay, *greatest - *least));
+  }
+  return {};
 }
 
 }  // namespace
 
-Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t lines_above) {
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, const TrackReading& reading) {
   auto table = readCsv(path, {"t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"}, {"plunger"},
-                       {.max_rows = kMaxRows, .lines_above = lines_above});
+                       {.max_rows = kMaxRows, .lines_above = reading.lines_above});
   if (!table.ok()) return table.error();
   const auto column = [&](const char* name) -> const std::vector<double>& {
     return table->columns[static_cast<std::size_t>(table->find(name))];
@@ -90,7 +102,8 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t l
     const std::pair<const char*, double> positions[] = {{"px_m", px[i]}, {"py_m", py[i]}, {"pz_m", pz[i]}};
     for (const auto& [name, value] : positions)
       if (std::abs(value) > kMaxPosition_m)
-        return fail(i, std::string(name) + " is " + numberText(value) + ", allowed is -1000 to 1000 m");
+        return fail(i, fmt::format("{} is {}, allowed is -1000 to 1000 m ({})", name, numberText(value),
+                                   implausible(Quantity::kWay, value)));
     const Quat q{qx[i], qy[i], qz[i], qw[i]};
     const double length = std::sqrt(dot(q, q));
     if (!(std::abs(length - 1) <= kQuaternionSlack))
@@ -98,16 +111,25 @@ Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t l
           i, "the quaternion qx,qy,qz,qw has length " + numberText(length) + ", allowed is 0.999 to 1.001");
     track.X_WH.push_back({{px[i], py[i], pz[i]}, normalized(q)});
   }
-  if (const auto gap = gapIn(track.t_s))
-    return fail(*gap, fmt::format("t_s jumps from {} to {}: at most three usual periods, or {} s, may lie "
-                                  "between two rows",
-                                  numberText(track.t_s[*gap - 1]), numberText(track.t_s[*gap]),
-                                  numberText(kMaxGap_s)));
+  RETURN_IF_ERROR(checkTimeStep(path.string(), track.t_s));
+  RETURN_IF_ERROR(checkWays(path.string(), *table));
+  for (const std::size_t gap : holesIn(track.t_s)) {
+    const std::string jump =
+        fmt::format("t_s jumps from {} to {}", numberText(track.t_s[gap - 1]), numberText(track.t_s[gap]));
+    if (!reading.bridges_holes)
+      return fail(gap, fmt::format("{}: at most three usual periods, or {} s, may lie between two rows "
+                                   "(needlelab-sim bridges it with --damaged)",
+                                   jump, numberText(kMaxGap_s)));
+    track.holes.push_back(fmt::format("{} row {} (line {}): {}: a straight line bridges it", path.string(),
+                                      gap + 1, table->lines[gap], jump));
+  }
   if (const int at = table->find("plunger"); at >= 0) {
     track.plunger = table->columns[static_cast<std::size_t>(at)];
     for (std::size_t i = 0; i < track.plunger.size(); ++i)
       if (track.plunger[i] < 0 || track.plunger[i] > 1)
-        return fail(i, "plunger is " + numberText(track.plunger[i]) + ", allowed is 0 to 1");
+        return fail(i, fmt::format("plunger is {}, allowed is 0 to 1{}{}", numberText(track.plunger[i]),
+                                   track.plunger[i] > 1 ? ": " : "",
+                                   implausible(Quantity::kShare, track.plunger[i])));
   }
   return track;
 }

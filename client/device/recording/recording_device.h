@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "client/device/device.h"
@@ -15,8 +16,14 @@ namespace needlelab {
 /// Poses with their recorded times. All vectors have the same length, at least 1; times ascend.
 struct PoseTrack {
   std::vector<double> t_s;
-  std::vector<Pose> X_WH;       ///< of the handle; unit quaternions
-  std::vector<double> plunger;  ///< 0-1; empty when the file has no such column
+  std::vector<Pose> X_WH;          ///< of the handle; unit quaternions
+  std::vector<double> plunger;     ///< 0-1; empty when the file has no such column
+  std::vector<std::string> holes;  ///< that straight lines bridge, for people
+};
+
+struct TrackReading {
+  std::size_t lines_above = 0;  ///< lines to skip above the header
+  bool bridges_holes = false;   ///< otherwise a hole is an error
 };
 
 /// Two rows of a file are at most three of its usual periods apart, or this time if that is longer, because a
@@ -27,8 +34,9 @@ inline constexpr double kOnTick_s = 1e-9;  ///< rows this close to a tick are us
 /// Reads a CSV with the columns `t_s,px_m,py_m,pz_m,qx,qy,qz,qw` and optionally `plunger`, in any order.
 /// Normalises quaternions with | |q| − 1 | ≤ 1e-3. Errors (kInvalidInput) name file, line, column, value and
 /// range: from readCsv; a quaternion off unit length, a time that does not ascend or jumps (kMaxGap_s), a
-/// plunger outside 0-1, a position beyond 1 km.
-Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, std::size_t lines_above = 0);
+/// plunger outside 0-1, a position beyond 1 km; a way or a step of time that looks like another unit
+/// (common/base/plausible.h).
+Result<PoseTrack> readPoseTrack(const std::filesystem::path& path, const TrackReading& reading = {});
 
 /// Reads a recording (common/gesture/FORMAT.md): converts its tips' poses to the handle's with the present
 /// tool (X_HT: the tip in the handle's frame), counts times from its first sample on the station's clock, and

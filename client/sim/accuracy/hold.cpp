@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "common/base/plausible.h"
 #include "common/base/text/csv.h"
 
 namespace needlelab {
@@ -99,8 +100,15 @@ Result<std::vector<ForceAtTime>> readForceOverTime(const std::filesystem::path& 
   const auto& force = table.columns[static_cast<std::size_t>(table.find("force_n"))];
   std::vector<ForceAtTime> rows;
   for (std::size_t i = 0; i < time.size(); ++i) rows.push_back({time[i], force[i]});
+  const auto greatest = std::ranges::max_element(force, {}, [](double force_N) { return std::abs(force_N); });
+  const std::size_t line = table.lines[static_cast<std::size_t>(greatest - force.begin())];
+  RETURN_IF_ERROR(
+      checkPlausible(fmt::format("{} line {}: force_n", file.string(), line), Quantity::kForce, *greatest));
   std::stable_sort(rows.begin(), rows.end(),
                    [](const ForceAtTime& a, const ForceAtTime& b) { return a.t_s < b.t_s; });
+  std::vector<double> times;
+  for (const ForceAtTime& row : rows) times.push_back(row.t_s);
+  RETURN_IF_ERROR(checkTimeStep(file.string(), times));
   return rows;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <span>
@@ -12,7 +13,9 @@
 #include <utility>
 
 #include "client/sim/benchmark/curve_phases.h"
+#include "client/sim/benchmark/curve_zero.h"
 #include "common/base/files/files.h"
+#include "common/base/plausible.h"
 #include "common/base/range.h"
 #include "common/base/text/csv_rows.h"
 #include "common/base/text/text.h"
@@ -42,6 +45,8 @@ constexpr std::array<std::string_view, kCellKinds> kCellNames = {
     "curve",   "specimen", "needle", "tissue",    "phase"};
 constexpr std::array<NumberRange, 5> kCellRanges = {kCurveForce_N, kCurveDepth_m, kCurveTime_s,
                                                     kCurveSpeed_mps, kCurveDiameter_m};
+constexpr std::array<Quantity, 5> kCellQuantities = {Quantity::kForce, Quantity::kDepth, Quantity::kTime,
+                                                     Quantity::kSpeed, Quantity::kDiameter};
 
 std::string shown(std::string_view cell) {
   return "'" + printable(cell.substr(0, 40)) + "'";
@@ -65,6 +70,7 @@ class CurveFile {
   Result<bool> nextRow();
   Status header();
   Result<double> numberIn(CurveCell column) const;
+  [[nodiscard]] double greatestIn(CurveCell column) const;
   Status textIn(CurveCell column, const std::string& known, std::string& into) const;
   Result<CurvePhase> phaseIn() const;
   Status addRow(std::vector<CurveRows>& curves);
@@ -75,6 +81,7 @@ class CurveFile {
   CurveReading reading_;
   std::string text_;
   std::optional<CsvRows> rows_;  // of text_
+  bool is_guessed_ = false;      // text_: letters beyond ASCII may be wrong
   std::string header_;           // as read, for messages
   std::size_t cell_count_ = 0;
   std::array<std::optional<std::size_t>, kCellKinds> at_;
@@ -116,8 +123,10 @@ Status CurveFile::header() {
 
 Status CurveFile::open(std::string& missing) {
   ASSIGN_OR_RETURN(auto bytes, readWholeFile(path_, kMaxCurveBytes));
-  ASSIGN_OR_RETURN(text_, utf8TextOf(path_.string(), std::move(bytes)));
-  rows_.emplace(text_, reading_.lines_above);
+  is_guessed_ = reading_.encoding == TextEncoding::kUnicode && !utf8TextOf({}, bytes).ok();
+  ASSIGN_OR_RETURN(text_, utf8TextOf(path_.string(), std::move(bytes),
+                                     is_guessed_ ? TextEncoding::kAsciiParts : reading_.encoding));
+  rows_.emplace(text_, reading_.lines_above, CommentLines::kYes);
   RETURN_IF_ERROR(header());
   const auto lacks = [&](bool is_missing, std::string_view name) {
     if (is_missing) missing += (missing.empty() ? "" : ", ") + std::string(name);
@@ -139,19 +148,38 @@ Result<double> CurveFile::numberIn(CurveCell column) const {
     return lineError(fmt::format("column '{}': {} is not a number", kCellNames[column], shown(cell)));
   NumberRange range = kCellRanges[column];
   if (column == kDepthCell && reading_.negate_depth) range = {-range.max, -range.min};
-  if (!range.contains(*value))
-    return lineError(fmt::format("column '{}': {} is out of range {}; {}", kCellNames[column], shown(cell),
-                                 rangeText(range),
-                                 column == kForceCell   ? "newtons are expected"
-                                 : column == kTimeCell  ? "seconds are expected"
-                                 : column == kSpeedCell ? "metres a second are expected, not millimetres"
-                                                        : "metres are expected, not millimetres"));
-  return *value;
+  const bool unit_is_said = column == kForceCell && reading_.force_unit_N > 0;
+  const double number = unit_is_said ? *value * reading_.force_unit_N : *value;
+  const bool in_range = range.contains(number);
+  if (in_range && (unit_is_said || implausible(kCellQuantities[column], number).empty())) return number;
+  // the greatest number of the column shows the unit best
+  const std::string other_unit = unit_is_said ? "" : implausible(kCellQuantities[column], greatestIn(column));
+  return lineError(
+      fmt::format("column '{}': {} is {}{}{}{}", kCellNames[column], shown(cell),
+                  in_range ? "implausible" : "out of range " + rangeText(range),
+                  other_unit.empty() ? "" : "; the greatest is ", other_unit,
+                  column == kForceCell && !unit_is_said ? " (--force-unit says what they are)" : ""));
+}
+
+double CurveFile::greatestIn(CurveCell column) const {
+  double greatest = 0;
+  CsvRows rows(text_, reading_.lines_above, CommentLines::kYes);
+  for (auto there = rows.next(); there.ok() && *there; there = rows.next()) {
+    if (rows.cells().size() <= *at_[column]) continue;
+    const double number = csvNumber(rows.cells()[*at_[column]], rows.separator()).value_or(0);
+    if (std::abs(number) > std::abs(greatest)) greatest = number;
+  }
+  return greatest;
 }
 
 Status CurveFile::textIn(CurveCell column, const std::string& known, std::string& into) const {
   into = has(column) ? std::string(cells_[*at_[column]]) : known;
   if (!has(column)) return {};
+  if (is_guessed_ && !std::all_of(into.begin(), into.end(), [](char c) { return c > 0; }))
+    return lineError(
+        fmt::format("column '{}': {} is not UTF-8: save the table as \"CSV UTF-8\", or say what it "
+                    "is, for example windows-1252 (--encoding)",
+                    kCellNames[column], shown(into)));
   if (const Status status = checkNewText(std::string(kCellNames[column]), into, 1, kMaxNameBytes);
       !status.ok())
     return lineError("column " + status.error().message);
@@ -236,7 +264,19 @@ Result<ForceCurve> CurveFile::finished(CurveRows rows) const {
   rows.has_depth = has(kDepthCell);
   rows.has_phases = has(kPhaseCell);
   rows.digitised = facts_.digitised || reading_.digitised;
-  return curveOf(std::move(rows));
+  rows.insertion_s = facts_.insertion_s;
+  RETURN_IF_ERROR(checkTimeStep(rows.where, rows.t_s));
+  const ForceZero zero = zeroOf(rows);
+  rows.curve.zero_N = zero.mean_N;
+  rows.curve.zero_drift_N = zero.drift_N;
+  if (reading_.tare)
+    for (std::size_t i = 0; i < zero.at_row_N.size(); ++i) rows.curve.force_N[i] -= zero.at_row_N[i];
+  auto curve = curveOf(std::move(rows));
+  if (!curve.ok() && !reading_.tare && !zero.at_row_N.empty())
+    return Error{curve.error().code,
+                 fmt::format("{} (above the skin its force is {:.3g} N: --tare takes that off)",
+                             curve.error().message, zero.mean_N)};
+  return curve;
 }
 
 Result<std::vector<ForceCurve>> CurveFile::read(std::size_t& rows_left) {
@@ -265,7 +305,11 @@ Result<CurveFileContent> readCurveFile(const fs::path& path, const CurveFacts& f
                                        const CurveReading& reading, std::size_t& rows_left) {
   CurveFile file(path, facts, reading);
   CurveFileContent content;
-  RETURN_IF_ERROR(file.open(content.missing));
+  if (const Status opened = file.open(content.missing); !opened.ok()) {
+    // a text beside the curves need not be a table
+    if (!facts.file.empty() || lowerCase(path.extension().string()) != ".txt") return opened.error();
+    content.missing = "a table (" + opened.error().message + ")";
+  }
   if (!content.missing.empty()) return content;
   ASSIGN_OR_RETURN(content.curves, file.read(rows_left));
   return content;

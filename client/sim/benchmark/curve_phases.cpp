@@ -91,6 +91,19 @@ Result<ForceCurve> curveOf(CurveRows rows) {
   ForceCurve curve = std::move(rows.curve);
   const std::string& where = rows.where;
   const bool has_time = !rows.t_s.empty();
+  if (!rows.has_depth && !rows.has_phases) {
+    if (rows.insertion_s == 0)
+      return wrongInput(where,
+                        "force over time only, and nothing says where the needle stops or turns: give "
+                        "'depth_m', a column 'phase' (insert, hold, withdraw), or 'insertion_s' (s, how "
+                        "long it goes in) in data_set.json");
+    const auto end = std::upper_bound(rows.t_s.begin(), rows.t_s.end(), rows.t_s.front() + rows.insertion_s);
+    const auto kept = static_cast<std::size_t>(end - rows.t_s.begin());
+    rows.t_s.resize(kept);
+    rows.phases.resize(kept);
+    curve.depth_m.resize(kept);
+    curve.force_N.resize(kept);
+  }
   const std::vector<double> depth_m = std::move(curve.depth_m), force_N = std::move(curve.force_N);
   curve.depth_m.clear();
   curve.force_N.clear();

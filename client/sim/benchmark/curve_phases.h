@@ -32,13 +32,15 @@ struct CurveRows {
   std::string where;                           ///< for messages
   bool has_depth = false, has_phases = false;  ///< otherwise depth is time × speed, and phases are detected
   bool digitised = false;                      ///< points of an insertion, in any order
+  double insertion_s = 0;  ///< without depth and phases: the rows of so long are the insertion; 0: not said
 };
 
 /// Phases without a column are detected if depth is known: with time, rows within 0.1 mm of the greatest
 /// depth are the hold, and later rows the withdrawal. A brief turning point does not count as a hold, nor a
 /// few rows that go back as a withdrawal. Errors (kInvalidInput): a phase with too few rows or too short a
 /// distance, a speed or time out of range; an insertion whose depth falls, is negative, or goes back more
-/// than an instrument does (unless `digitised`); a mean force that pulls the needle in.
+/// than an instrument does (unless `digitised`); no depth, phase or insertion_s; a mean force that pulls the
+/// needle in.
 Result<ForceCurve> curveOf(CurveRows rows);
 
 }  // namespace needlelab

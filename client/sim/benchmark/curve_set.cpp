@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,7 @@
 
 #include "client/sim/benchmark/curve_phases.h"
 #include "common/base/files/files.h"
+#include "common/base/plausible.h"
 #include "common/base/program.h"
 #include "common/base/text/text.h"
 #include "common/profile/strict_json.h"
@@ -47,13 +49,15 @@ Status readText(const nlohmann::json& object, const char* field, const std::stri
 }
 
 Status readNumber(const nlohmann::json& object, const char* field, const std::string& where,
-                  const NumberRange& range, double& into) {
+                  const NumberRange& range, Quantity quantity, double& into) {
   const auto found = object.find(field);
   if (found == object.end()) return {};
   if (!found->is_number()) return wrongInput(where + "." + field, "must be a number");
   into = found->get<double>();
-  if (!range.contains(into)) return outOfRange(where + "." + field, into, range);
-  return {};
+  if (range.contains(into)) return {};
+  Error error = outOfRange(where + "." + field, into, range);
+  if (const std::string why = implausible(quantity, into); !why.empty()) error.message += "; " + why;
+  return error;
 }
 
 Status onlyFields(const nlohmann::json& object, std::span<const char* const> known,
@@ -72,8 +76,8 @@ Status onlyFields(const nlohmann::json& object, std::span<const char* const> kno
 
 Result<Description> parseDescription(std::string_view text, const std::string& source) {
   constexpr std::array<const char*, 4> kFields = {"name", "licence", "source", "curves"};
-  constexpr std::array<const char*, 7> kCurveFields = {"file",      "specimen",          "needle",   "tissue",
-                                                       "speed_m_s", "needle_diameter_m", "digitised"};
+  constexpr std::array<const char*, 8> kCurveFields = {
+      "file", "specimen", "needle", "tissue", "speed_m_s", "needle_diameter_m", "digitised", "insertion_s"};
   ASSIGN_OR_RETURN(const auto json, readStrictJson(text, source, kMaxDescriptionBytes));
   RETURN_IF_ERROR(onlyFields(json, kFields, source));
   Description description;
@@ -94,8 +98,12 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
     RETURN_IF_ERROR(readText(entry, "specimen", where, kMaxNameBytes, facts.specimen));
     RETURN_IF_ERROR(readText(entry, "needle", where, kMaxNameBytes, facts.needle));
     RETURN_IF_ERROR(readText(entry, "tissue", where, kMaxNameBytes, facts.tissue));
-    RETURN_IF_ERROR(readNumber(entry, "speed_m_s", where, kCurveSpeed_mps, facts.speed_mps));
-    RETURN_IF_ERROR(readNumber(entry, "needle_diameter_m", where, kCurveDiameter_m, facts.diameter_m));
+    RETURN_IF_ERROR(
+        readNumber(entry, "speed_m_s", where, kCurveSpeed_mps, Quantity::kSpeed, facts.speed_mps));
+    RETURN_IF_ERROR(readNumber(entry, "needle_diameter_m", where, kCurveDiameter_m, Quantity::kDiameter,
+                               facts.diameter_m));
+    RETURN_IF_ERROR(
+        readNumber(entry, "insertion_s", where, kCurveTime_s, Quantity::kTime, facts.insertion_s));
     if (const auto digitised = entry.find("digitised"); digitised != entry.end()) {
       if (!digitised->is_boolean()) return wrongInput(where + ".digitised", "must be true or false");
       facts.digitised = digitised->get<bool>();
@@ -108,20 +116,85 @@ Result<Description> parseDescription(std::string_view text, const std::string& s
   return description;
 }
 
-// Names of the folder's *.csv, sorted, because directory order is arbitrary.
-Result<std::vector<std::string>> csvFilesOf(const fs::path& folder) {
+std::string listed(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = 8;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i)
+    text += (i == 0 ? "" : ", ") + printable(names[i]);
+  return names.size() > kMost ? fmt::format("{} and {} more", text, names.size() - kMost) : text;
+}
+
+// Names of the folder's tables, sorted, because directory order is arbitrary; a note names what is left out.
+Result<std::vector<std::string>> tablesOf(const fs::path& folder, std::string& note) {
   std::error_code failed;
-  std::vector<std::string> names;
+  std::vector<std::string> names, left_out;
   for (auto it = fs::directory_iterator(folder, failed); !failed && it != fs::directory_iterator();
        it.increment(failed)) {
-    if (it->path().extension() != ".csv") continue;
+    const std::string name = it->path().filename().string();
+    const std::string ending = lowerCase(it->path().extension().string());
+    std::error_code unreadable;
+    if (name == kDescriptionName) continue;
+    if (name.front() == '.' || (ending != ".csv" && ending != ".txt") || it->is_directory(unreadable)) {
+      left_out.push_back(name);
+      continue;
+    }
     if (names.size() == kMaxCurveFiles)
       return wrongInput(folder.string(), fmt::format("more than {} CSV files", kMaxCurveFiles));
-    names.push_back(it->path().filename().string());
+    names.push_back(name);
   }
   if (failed) return wrongInput(folder.string(), "cannot be read: " + failed.message());
   std::sort(names.begin(), names.end());
+  std::sort(left_out.begin(), left_out.end());
+  if (!left_out.empty())
+    note = fmt::format("{} of {} files in the folder are left out (hidden, or not .csv or .txt): {}",
+                       left_out.size(), names.size() + left_out.size(), listed(left_out));
   return names;
+}
+
+// Keeps one of the curves with the same numbers, the one with the shortest name.
+void countCopiesOnce(CurveSet& set) {
+  using Numbers = std::array<std::vector<double>, 5>;
+  std::map<Numbers, std::size_t> first;
+  std::vector<ForceCurve> kept;
+  std::vector<std::string> copies;
+  for (ForceCurve& curve : set.curves) {
+    const auto [found, is_new] = first.try_emplace({curve.force_N, curve.depth_m, curve.hold.force_N,
+                                                    curve.withdrawal.force_N, curve.withdrawal.depth_m},
+                                                   kept.size());
+    if (is_new) {
+      kept.push_back(std::move(curve));
+      continue;
+    }
+    ForceCurve& other = kept[found->second];
+    if (curve.name.size() < other.name.size()) std::swap(curve, other);
+    copies.push_back(fmt::format("{} is a copy of {}", curve.name, other.name));
+  }
+  set.curves = std::move(kept);
+  if (!copies.empty())
+    set.notes.push_back(fmt::format("{} of {} curves have the numbers of another and are not counted: {}",
+                                    copies.size(), set.curves.size() + copies.size(), listed(copies)));
+}
+
+void noteZeros(CurveSet& set, bool tare) {
+  std::size_t off = 0;
+  const ForceCurve* worst = nullptr;
+  const auto size = [](const ForceCurve& curve) {
+    return std::max(std::abs(curve.zero_N), std::abs(curve.zero_drift_N));
+  };
+  for (const ForceCurve& curve : set.curves) {
+    if (size(curve) > 0) ++off;
+    if (worst == nullptr || size(curve) > size(*worst)) worst = &curve;
+  }
+  if (off == 0) return;
+  const std::string drift =
+      worst->zero_drift_N == 0
+          ? ""
+          : fmt::format(", and the zero drifts by {:.2f} N from its first row to its last",
+                        worst->zero_drift_N);
+  set.notes.push_back(
+      fmt::format("the force above the skin is not 0 in {} of {} curves: {:.2f} N in {}{}; {}", off,
+                  set.curves.size(), worst->zero_N, printable(worst->name), drift,
+                  tare ? "it is taken off (--tare)" : "--tare takes it off"));
 }
 
 bool hasFile(const fs::path& path) {
@@ -171,17 +244,21 @@ Status checkNeedles(const CurveSet& set) {
 Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& description,
                               const CurveReading& reading) {
   CurveSet set;
-  ASSIGN_OR_RETURN(const auto names, csvFilesOf(folder));
+  std::string left_out;
+  ASSIGN_OR_RETURN(const auto names, tablesOf(folder, left_out));
   ASSIGN_OR_RETURN(auto described, descriptionOf(folder, description, set));
+  if (!left_out.empty()) set.notes.push_back(left_out);
   set.name = described.name.empty() ? folder.filename().string() : described.name;
   set.licence = described.licence.empty() ? "not said" : described.licence;
   set.source = described.source.empty() ? "not said" : described.source;
   for (const CurveFacts& facts : described.files)
     if (std::find(names.begin(), names.end(), facts.file) == names.end())
       return wrongInput((folder / facts.file).string(),
-                        "is described, and not there (a name that ends in .csv)");
+                        "is described, and not there (a name that ends in .csv or .txt)");
 
   if (reading.negate_depth) set.notes.emplace_back("depth_m of all files is negated");
+  if (reading.force_unit_N > 0)
+    set.notes.push_back(fmt::format("1 in force_n is {} N", numberText(reading.force_unit_N)));
   if (reading.negate_force) set.notes.emplace_back("force_n of all files is negated");
   std::size_t rows_left = kMaxCurveRows;
   for (const std::string& name : names) {
@@ -203,6 +280,9 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
       return wrongInput(folder.string(), fmt::format("more than {} curves", kMaxCurves));
     std::move(content.curves.begin(), content.curves.end(), std::back_inserter(set.curves));
   }
+  RETURN_IF_ERROR(checkNeedles(set));
+  countCopiesOnce(set);
+  noteZeros(set, reading.tare);
   const auto split = std::count_if(set.curves.begin(), set.curves.end(), [](const ForceCurve& curve) {
     return curve.phases_recognised && !(curve.withdrawal.depth_m.empty() && curve.hold.t_s.empty());
   });
@@ -220,7 +300,6 @@ Result<CurveSet> readCurveSet(const fs::path& folder, const fs::path& descriptio
     return std::tie(a.tissue, a.specimen, a.needle, a.speed_mps, a.name) <
            std::tie(b.tissue, b.specimen, b.needle, b.speed_mps, b.name);
   });
-  RETURN_IF_ERROR(checkNeedles(set));
   return set;
 }
 

@@ -19,7 +19,8 @@ struct CurveSet {
   std::vector<std::filesystem::path> files;  ///< the files that were read
 };
 
-/// Reads the folder's *.csv. Facts about them come from their columns, from `description` (a file), or, if
+/// Reads the folder's *.csv and *.txt, in any case; hidden and other files are named in a note. Curves with
+/// the same numbers count once. Facts about them come from their columns, from `description` (a file), or, if
 /// that is empty, from the folder's data_set.json or a built-in description (known/). A file that no
 /// description names and that lacks a column is omitted with a note. Errors (kInvalidInput) name file, line,
 /// column or field, value, and the allowed values: everything that README.md rejects; a missing described
@@ -33,7 +34,7 @@ Result<CurveSet> readCurveSet(const std::filesystem::path& folder,
 /// Facts about a file's curves besides its columns; empty or 0 if unknown.
 struct CurveFacts {
   std::string file, specimen, needle, tissue;
-  double speed_mps = 0, diameter_m = 0;
+  double speed_mps = 0, diameter_m = 0, insertion_s = 0;
   bool digitised = false;  ///< points from a figure, in any order
 };
 

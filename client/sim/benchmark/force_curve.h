@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/range.h"
+#include "common/base/text/csv_rows.h"
 
 namespace needlelab {
 
@@ -32,6 +33,8 @@ struct ForceCurve {
   CurveHold hold;
   CurveWithdrawal withdrawal;
   bool phases_recognised = false;  ///< from depth and time, without a column
+  double zero_N = 0;               ///< mean force above the skin, if it is not 0 (curve_zero.h)
+  double zero_drift_N = 0;         ///< by which the zero goes on from the first row to the last
 };
 
 // limits on files
@@ -51,6 +54,9 @@ struct CurveReading {
   std::size_t lines_above = 0;                      ///< lines above the header, as instruments write them
   bool digitised = false;                           ///< the rows are points from a figure, in any order
   bool negate_depth = false, negate_force = false;  ///< the file uses the opposite sign
+  TextEncoding encoding = TextEncoding::kUnicode;
+  double force_unit_N = 0;  ///< what 1 in the column `force_n` is; 0: 1 N, if that is plausible
+  bool tare = false;        ///< takes the force above the skin off
 };
 
 }  // namespace needlelab

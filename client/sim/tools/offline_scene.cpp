@@ -6,11 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <string>
 #include <utility>
 
 #include "client/device/pose_option.h"
 #include "common/base/range.h"
-#include "common/base/units.h"
 #include "common/fem/needle_mesh.h"
 #include "common/haptics/geometry.h"
 #include "common/haptics/scene_model.h"
@@ -25,9 +26,9 @@ namespace {
 
 constexpr double kUsualRate_Hz = 1000;
 
-Result<Pose> poseOr(const std::string& text, const char* option) {
+Result<Pose> poseOr(const std::string& text, const char* option, Quantity reach) {
   if (text.empty()) return Pose{};
-  return parsePoseOption(text, option);
+  return parsePoseOption(text, option, reach);
 }
 
 }  // namespace
@@ -41,9 +42,11 @@ TipSample OfflineScene::tip(std::size_t i) const {
   return {X_WT.p, X_WT.q};
 }
 
-Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz, std::size_t lines_above) {
-  ASSIGN_OR_RETURN(auto track, readPoseTrack(path, lines_above));
+Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz,
+                              const TrackReading& reading) {
+  ASSIGN_OR_RETURN(auto track, readPoseTrack(path, reading));
   PoseTrack at_ticks;
+  at_ticks.holes = std::move(track.holes);
   at_ticks.X_WH = resamplePoses(track, rate_hz);
   at_ticks.plunger = resamplePlunger(track, rate_hz);
   std::size_t row = 0;
@@ -61,8 +64,8 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   OfflineScene scene;
   scene.rate_hz = options.rate_hz.value_or(kUsualRate_Hz);
   if (!rates.contains(scene.rate_hz)) return outOfRange("--rate in Hz", scene.rate_hz, rates);
-  ASSIGN_OR_RETURN(auto X_WL, poseOr(options.placement, "--placement"));
-  ASSIGN_OR_RETURN(auto X_HT, poseOr(options.tool, "--tool"));
+  ASSIGN_OR_RETURN(auto X_WL, poseOr(options.placement, "--placement", Quantity::kPlacement));
+  ASSIGN_OR_RETURN(auto X_HT, poseOr(options.tool, "--tool", Quantity::kTool));
   scene.X_WL = X_WL;
   scene.X_HT = X_HT;
 
@@ -78,7 +81,7 @@ Result<OfflineScene> loadOffline(const OfflineOptions& options) {
   scene.model = *std::move(model);
 
   if (!options.trajectory.empty()) {
-    ASSIGN_OR_RETURN(scene.track, readTrackAt(options.trajectory, scene.rate_hz, options.lines_above));
+    ASSIGN_OR_RETURN(scene.track, readTrackAt(options.trajectory, scene.rate_hz, options.reading));
   }
   return scene;
 }
@@ -89,9 +92,13 @@ void addOfflineOptions(CLI::App& app, OfflineOptions& options) {
          "--trajectory", options.trajectory,
          "CSV with t_s,px_m,py_m,pz_m,qx,qy,qz,qw and perhaps plunger; straight lines between its rows")
       ->required();
-  app.add_option("--lines-above", options.lines_above,
+  app.add_option("--lines-above", options.reading.lines_above,
                  "of trajectories: lines above the header, which an instrument writes, 0 to 1000")
       ->check(CLI::Range(0, 1000));
+  app.add_flag(
+      "--damaged", options.reading.bridges_holes,
+      "of trajectories: straight lines bridge their gaps, which are listed (a tracker that lost sight); without it "
+      "they are refused");
   app.add_option("--rate", options.rate_hz,
                  "ticks per second, 50 to 40000; 1000 unless a recording says another");
   app.add_option("--model", options.model, "axial model, instead of the profile's");
@@ -114,31 +121,20 @@ std::uint64_t fnv1a(std::string_view text) {
   return hash;
 }
 
-std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
-                                                  const std::function<TipSample(std::size_t)>& tip) {
-  bool was_outside = false;
-  for (std::size_t i = 0; i < rows; ++i) {
-    const TipSample now = tip(i);
-    const bool outside = signedDepth(limb, now.p_WT_m) < 0;
-    const bool enters = was_outside && !outside;
-    was_outside = outside;
-    if (!enters) continue;
-    const Vec3 axis = zAxis(now.q_WT);
-    const double cosine = -dot(axis, normalized(surfaceNormal(limb, now.p_WT_m, axis)));
-    if (cosine >= 0) continue;
-    return fmt::format(
-        "row {}: the needle's axis points out of the skin where it enters, {:.0f}° from straight in: is the "
-        "quaternion in the order w, x, y, z (the columns are qx, qy, qz, qw), or the frame left-handed? The "
-        "needle points along its z",
-        i + 1, degreesOf(std::acos(std::clamp(cosine, -1.0, 1.0))));
-  }
-  return std::nullopt;
-}
-
 void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
-                     const std::function<TipSample(std::size_t)>& tip) {
-  if (const auto warning = needleDirectionWarning(limb, rows, tip))
-    std::fprintf(stderr, "needlelab-sim %s: warning: %s\n", command, warning->c_str());
+                     const std::function<TipSample(std::size_t)>& tip, QuaternionOrder order) {
+  const auto warn = [&](const std::string& text) {
+    std::fprintf(stderr, "needlelab-sim %s: warning: %s\n", command, text.c_str());
+  };
+  if (const auto warning = needleDirectionWarning(limb, rows, tip, order)) warn(*warning);
+  double nearest_m = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < rows && nearest_m < 0; ++i)
+    nearest_m = std::max(nearest_m, signedDepth(limb, tip(i).p_WT_m));
+  if (nearest_m < 0)
+    warn(fmt::format(
+        "the tip never meets the skin; the nearest row is {:.3g} m above it: do the units, --tool and "
+        "--placement fit the trajectory?",
+        -nearest_m));
 }
 
 TipSample tipOf(const GestureSample& sample) {

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "client/device/recording/needle_direction.h"
 #include "client/device/recording/recording_device.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
@@ -27,7 +28,7 @@ namespace needlelab {
 struct OfflineOptions {
   std::filesystem::path profile;
   std::filesystem::path trajectory;  ///< empty = no track
-  std::size_t lines_above = 0;       ///< lines above the trajectory's header
+  TrackReading reading;              ///< of the trajectory
   std::optional<double> rate_hz;     ///< empty: 1000 Hz, or the recording's rate
   std::string model;                 ///< replaces the profile's `axial_model`; empty = the profile's
   std::string placement;             ///< the limb's pose in W, see parsePoseOption; empty = at W's origin
@@ -46,7 +47,8 @@ struct OfflineScene {
 
 /// A trajectory's poses at the ticks, as for a device that plays it (resamplePoses). Errors: those of
 /// readPoseTrack.
-Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz, std::size_t lines_above = 0);
+Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz,
+                              const TrackReading& reading = {});
 /// Errors: kInvalidInput naming file, field, value and range.
 Result<OfflineScene> loadOffline(const OfflineOptions& options);
 
@@ -63,16 +65,10 @@ void printWarnings(const OfflineScene& scene);
 /// bits.
 std::uint64_t fnv1a(std::string_view text);
 
-// --- whether a needle enters the skin tip first: hub first indicates another quaternion order or frame
-
-/// The needle points along z of its frame. `tip`: returns row i, in the limb's frame W. Returns a warning for
-/// people about the first entry where it points out of the skin; empty if there is none.
-std::optional<std::string> needleDirectionWarning(const Limb& limb, std::size_t rows,
-                                                  const std::function<TipSample(std::size_t)>& tip);
-
-/// Prints it on standard error.
+/// Prints needleDirectionWarning on standard error, and a warning if the tip never meets the skin.
 void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
-                     const std::function<TipSample(std::size_t)>& tip);
+                     const std::function<TipSample(std::size_t)>& tip,
+                     QuaternionOrder order = QuaternionOrder::kUnsure);
 TipSample tipOf(const GestureSample& sample);
 
 }  // namespace needlelab

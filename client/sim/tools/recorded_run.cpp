@@ -8,7 +8,9 @@
 #include <utility>
 
 #include "common/base/histogram.h"
+#include "common/base/plausible.h"
 #include "common/base/range.h"
+#include "common/base/text/text.h"
 #include "common/haptics/effects/resume.h"
 #include "common/haptics/tick.h"
 
@@ -93,6 +95,16 @@ Status checkOrder(const std::filesystem::path& path, const std::vector<GestureSa
   return {};
 }
 
+Status checkWays(const std::filesystem::path& path, const std::vector<GestureSample>& samples) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto [least, greatest] =
+        std::ranges::minmax(samples, {}, [&](const GestureSample& sample) { return sample.p_WT_m[axis]; });
+    RETURN_IF_ERROR(checkPlausible(fmt::format("{}: the way of p{}_m", path.string(), "xyz"[axis]),
+                                   Quantity::kWay, greatest.p_WT_m[axis] - least.p_WT_m[axis]));
+  }
+  return {};
+}
+
 /// The median duration of a tick; 0 with fewer than two samples.
 double tickOf_s(const std::vector<GestureSample>& samples) {
   std::vector<double> periods;
@@ -133,9 +145,11 @@ std::vector<std::string> holesOf(const std::vector<GestureSample>& samples, doub
 Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, DamagedRecording damaged,
                                             WallColumns wall, std::optional<double> rate_hz) {
   RecordedGesture gesture;
-  const bool is_csv = path.extension() == ".csv";
+  const std::string ending = lowerCase(path.extension().string());
+  const bool is_csv = !beginsAsRecording(path) && (ending == ".csv" || ending == ".txt");
   if (is_csv) {
-    ASSIGN_OR_RETURN(gesture.samples, readSampleCsv(path, wall));
+    ASSIGN_OR_RETURN(gesture.samples, readSampleCsv(path, wall, &gesture.note));
+    RETURN_IF_ERROR(checkWays(path, gesture.samples));
   } else {
     ASSIGN_OR_RETURN(auto read, readRecording(path, damaged));
     gesture.samples = std::move(read.samples);

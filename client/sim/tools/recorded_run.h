@@ -22,14 +22,16 @@ namespace needlelab {
 struct RecordedGesture {
   std::vector<GestureSample> samples;  ///< at least one; ticks and times ascend
   std::vector<std::string> holes;      ///< in a damaged one; empty if complete
+  std::string note;                    ///< for people, what was restored in a CSV; empty: nothing
   double rate_hz = 0;                  ///< as given in the file
   std::vector<Bytes> paths;            ///< of a recording: lists of paths in a body (pathsIn)
 };
 
 /// The rate comes from the metadata, otherwise from ticks and times. `rate_hz`: the rate that the caller
 /// expects; empty: any. Errors: those of readRecording and readSampleCsv; kInvalidInput, with the row, for
-/// ticks or times that do not ascend, for a rate other than `rate_hz`, and if the file gives none; kCorrupt
-/// for missing ticks in a CSV (more than three of the usual steps, and 0.1 s), unless `damaged` is kRead.
+/// ticks or times that do not ascend, for a way that looks like another unit (a CSV), for a rate other than
+/// `rate_hz`, and if the file gives none; kCorrupt for missing ticks in a CSV (more than three of the usual
+/// steps, and 0.1 s), unless `damaged` is kRead.
 Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, DamagedRecording damaged,
                                             WallColumns wall, std::optional<double> rate_hz);
 

@@ -32,8 +32,9 @@ int CsvTable::find(std::string_view name) const {
 Result<CsvTable> readCsv(const std::filesystem::path& path, const std::vector<std::string>& required,
                          const std::vector<std::string>& optional, const CsvReading& reading) {
   ASSIGN_OR_RETURN(auto bytes, readWholeFile(path, std::size_t{4} << 30));
-  ASSIGN_OR_RETURN(const std::string text, utf8TextOf(path.string(), std::move(bytes)));
-  CsvRows rows(text, reading.lines_above);
+  ASSIGN_OR_RETURN(const std::string text,
+                   utf8TextOf(path.string(), std::move(bytes), TextEncoding::kAsciiParts));
+  CsvRows rows(text, reading.lines_above, CommentLines::kYes);
   const auto fail = [&](const std::string& why) {
     return Error{ErrorCode::kInvalidInput, fmt::format("{} line {}: {}", path.string(), rows.line(), why)};
   };

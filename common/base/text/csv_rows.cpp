@@ -22,6 +22,35 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
+/// Without the blanks that spreadsheets and pages put around numbers: of fixed width, narrow, of no width.
+std::string_view withoutBlanks(std::string_view text) {
+  constexpr std::string_view kBlanks[] = {" ",      "\t",     "\u00a0", "\u2007",
+                                          "\u2009", "\u202f", "\u3000", "\ufeff"};
+  const auto isPlain = [](char c) { return c > ' ' && c <= '~'; };
+  while (!text.empty() && !(isPlain(text.front()) && isPlain(text.back()))) {
+    const std::size_t size = text.size();
+    for (const std::string_view blank : kBlanks) {
+      if (text.starts_with(blank)) text.remove_prefix(blank.size());
+      if (text.ends_with(blank)) text.remove_suffix(blank.size());
+    }
+    if (text.size() == size) break;
+  }
+  return text;
+}
+
+/// How many characters mark the text as a comment; 0: it is none.
+std::size_t commentSign(std::string_view text) {
+  return text.starts_with('#') || text.starts_with('%') ? 1 : text.starts_with("//") ? 2 : 0;
+}
+
+/// Where a comment that follows after a blank begins; npos: there is none.
+std::size_t commentIn(std::string_view text) {
+  for (std::size_t at = text.find_first_of(" \t"); at != std::string_view::npos;
+       at = text.find_first_of(" \t", at + 1))
+    if (commentSign(text.substr(at + 1)) > 0) return at;
+  return std::string_view::npos;
+}
+
 /// Returns nothing if the bytes are not valid in the encoding.
 std::optional<std::string> converted(std::string bytes, const char* from) {
   const iconv_t opened = ::iconv_open("UTF-8", from);
@@ -68,15 +97,17 @@ Result<std::string> utf8TextOf(std::string_view field, std::string bytes, TextEn
     return fault("begins as UTF-16, and is cut or damaged");
   }
   if (const std::size_t mark = bytes.size() - withoutMark(bytes).size(); mark > 0) bytes.erase(0, mark);
-  if (!isUtf8(bytes))
-    return fault(
-        fmt::format("line {}: is not UTF-8: save the table as \"CSV UTF-8\", or say what it is, for "
-                    "example windows-1252 (--encoding)",
-                    lineOfFault(bytes)));
-  return bytes;
+  if (isUtf8(bytes)) return bytes;
+  if (encoding == TextEncoding::kAsciiParts && bytes.find('\0') == std::string::npos)
+    return converted(std::move(bytes), "ISO-8859-1").value_or("");
+  return fault(
+      fmt::format("line {}: is not UTF-8: save the table as \"CSV UTF-8\", or say what it is, for "
+                  "example windows-1252 (--encoding)",
+                  lineOfFault(bytes)));
 }
 
-CsvRows::CsvRows(std::string_view text, std::size_t lines_above) : text_(text) {
+CsvRows::CsvRows(std::string_view text, std::size_t lines_above, CommentLines comments)
+    : text_(text), comments_(comments) {
   while (lines_above-- > 0 && at_ < text_.size()) passLineEnd(at_ + lineFrom(at_).size());
   constexpr std::string_view kSeparatorPrefix = "sep=";
   const std::string_view first = lineFrom(at_);
@@ -85,7 +116,24 @@ CsvRows::CsvRows(std::string_view text, std::size_t lines_above) : text_(text) {
     passLineEnd(at_ + first.size());
     return;
   }
+  if (comments == CommentLines::kYes) findHeader();
   while (at_ < text_.size() && !findSeparator()) passLineEnd(at_ + lineFrom(at_).size());
+}
+
+/// Goes to the first line that is no comment or, if that begins with a number, to the comment above it.
+void CsvRows::findHeader() {
+  std::size_t above = std::string_view::npos, above_line = 0;
+  for (; at_ < text_.size(); passLineEnd(at_ + lineFrom(at_).size())) {
+    const std::string_view line = trimmed(lineFrom(at_));
+    if (const std::size_t sign = commentSign(line); sign > 0) {
+      above = static_cast<std::size_t>(line.data() - text_.data()) + sign;
+      above_line = line_;
+    } else if (!line.empty()) {
+      const bool is_row = numberOf(line.substr(0, line.find_first_of(",;\t"))).has_value();
+      if (is_row && above != std::string_view::npos) at_ = above, line_ = above_line;
+      return;
+    }
+  }
 }
 
 void CsvRows::forget() {
@@ -129,6 +177,10 @@ Result<bool> CsvRows::next() {
     row_line_ = line_;
     const std::string_view line = lineFrom(at_);
     const std::size_t end = at_ + line.size();
+    if (comments_ == CommentLines::kYes && commentSign(trimmed(line)) > 0) {
+      passLineEnd(end);
+      continue;
+    }
     if (line.find('"') == std::string_view::npos) {
       for (std::size_t from = 0;;) {
         const std::size_t to = std::min(line.find(separator_, from), line.size());
@@ -140,8 +192,14 @@ Result<bool> CsvRows::next() {
     } else {
       RETURN_IF_ERROR(readQuoted(end));
     }
-    if (std::any_of(cells_.begin(), cells_.end(), [](std::string_view cell) { return !cell.empty(); }))
-      return true;
+    if (std::all_of(cells_.begin(), cells_.end(), [](std::string_view cell) { return cell.empty(); }))
+      continue;
+    if (columns_ == 0) columns_ = cells_.size();
+    const bool has_comment =
+        comments_ == CommentLines::kYes && cells_.size() > columns_ &&
+        (commentSign(cells_[columns_]) > 0 || commentIn(cells_[columns_ - 1]) != std::string_view::npos);
+    if (has_comment) cells_.resize(columns_);
+    return true;
   }
 }
 
@@ -182,7 +240,7 @@ Status CsvRows::readQuoted(std::size_t end) {
 }
 
 bool isColumn(std::string_view header_cell, std::string_view wanted) {
-  std::string name = lowerCase(trimmed(header_cell));
+  std::string name = lowerCase(withoutBlanks(header_cell));
   std::string unit;
   const std::size_t open = name.find_first_of("[(");
   if (open != std::string::npos && (name.back() == ']' || name.back() == ')')) {
@@ -196,17 +254,29 @@ bool isColumn(std::string_view header_cell, std::string_view wanted) {
   return name + "_" + unit == column || (name == column && column.ends_with("_" + unit));
 }
 
-std::optional<double> csvNumber(std::string_view cell, char separator) {
-  std::array<char, 64> with_point{};
-  if (separator != ',' && cell.find(',') != std::string_view::npos) {
-    if (cell.size() > with_point.size() || cell.find('.') != std::string_view::npos) return std::nullopt;
-    std::replace_copy(cell.begin(), cell.end(), with_point.begin(), ',', '.');
-    cell = {with_point.data(), cell.size()};
+std::optional<double> numberOf(std::string_view text, char separator) {
+  constexpr std::string_view kTrueMinus = "\u2212";
+  text = withoutBlanks(text);
+  const bool has_comma = separator != ',' && text.find(',') != std::string_view::npos;
+  if (has_comma && text.find('.') != std::string_view::npos) return std::nullopt;
+  std::string plain;
+  if (has_comma || text.find(kTrueMinus) != std::string_view::npos) {
+    plain = text;
+    if (has_comma) std::replace(plain.begin(), plain.end(), ',', '.');
+    for (std::size_t at; (at = plain.find(kTrueMinus)) != std::string::npos;)
+      plain.replace(at, kTrueMinus.size(), "-");
+    text = plain;
   }
+  // std::from_chars takes no plus
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
   double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc() || end != cell.data() + cell.size()) return std::nullopt;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
   return value;
+}
+
+std::optional<double> csvNumber(std::string_view cell, char separator) {
+  return numberOf(cell.substr(0, commentIn(cell)), separator);
 }
 
 std::string headerText(std::span<const std::string_view> cells, char separator) {

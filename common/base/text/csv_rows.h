@@ -17,11 +17,18 @@ namespace needlelab {
 enum class TextEncoding {
   kUnicode,      ///< UTF-8, or UTF-16 with a byte order mark
   kWindows1252,  ///< Western European spreadsheets call it "CSV" or "ANSI"
+  kAsciiParts,   ///< kUnicode, or any one with the letters of ASCII: for those who read no other letters
 };
+/// "unicode", "windows-1252": of an option --encoding.
+inline constexpr const char* kEncodingNames[] = {"unicode", "windows-1252"};
 /// Returns UTF-8 without a byte order mark. Errors (kInvalidInput, "FIELD: …"): the bytes are not valid in
-/// the encoding; the message names the line and the remedy.
+/// the encoding; the message names the line and the remedy. kAsciiParts: Latin-1 unless it is Unicode.
 Result<std::string> utf8TextOf(std::string_view field, std::string bytes,
                                TextEncoding encoding = TextEncoding::kUnicode);
+
+/// Whether lines that begin with #, % or // are comments, as in tables of numbers. The header may begin so,
+/// if the line below it begins with a number; a row may end so.
+enum class CommentLines { kNo, kYes };
 
 /// The separator is a comma, semicolon or tab: the most frequent one outside quotes in the first row, unless
 /// a first line such as "sep=;" names it. A cell in double quotes may contain separators and line ends; a
@@ -31,7 +38,8 @@ Result<std::string> utf8TextOf(std::string_view field, std::string bytes,
 class CsvRows {
  public:
   /// `text`: UTF-8 without a byte order mark. `lines_above`: lines to skip above the header.
-  explicit CsvRows(std::string_view text, std::size_t lines_above = 0);
+  explicit CsvRows(std::string_view text, std::size_t lines_above = 0,
+                   CommentLines comments = CommentLines::kNo);
   ~CsvRows() { forget(); }
   CsvRows(const CsvRows&) = delete;
   CsvRows& operator=(const CsvRows&) = delete;
@@ -48,6 +56,7 @@ class CsvRows {
  private:
   void forget();
   bool findSeparator();
+  void findHeader();
   [[nodiscard]] std::string_view lineFrom(std::size_t at) const;
   Status readQuoted(std::size_t end);
   void passLineEnd(std::size_t end);
@@ -55,6 +64,8 @@ class CsvRows {
   std::string_view text_;
   std::size_t at_ = 0, line_ = 1, row_line_ = 1;
   char separator_ = ',';
+  CommentLines comments_;
+  std::size_t columns_ = 0;  // of the header
   std::vector<std::string_view> cells_;
   std::deque<std::string> unquoted_;  // what cells_ refers to besides the text
 };
@@ -62,8 +73,11 @@ class CsvRows {
 /// Whether a header's cell names the column `wanted`, such as "force_n": in any case, with its unit after it
 /// or in brackets ("Force [N]", "force_n (N)"). A different unit means a different column.
 bool isColumn(std::string_view header_cell, std::string_view wanted);
-/// Reads a number; accepts a decimal comma unless the comma is the separator. Returns nothing if the cell is
-/// not a number.
+/// Reads a number as people, instruments and spreadsheets write it: the one reader of decimal numbers. Takes
+/// a leading plus, the true minus (U+2212), white space of Unicode around it, and a decimal comma unless the
+/// comma is the separator. Nothing if the text is not a number.
+std::optional<double> numberOf(std::string_view text, char separator = ',');
+/// As numberOf; a comment (CommentLines) may follow after a blank.
 std::optional<double> csvNumber(std::string_view cell, char separator);
 /// "the header reads 'a;b;c' …", for a message about a missing column.
 std::string headerText(std::span<const std::string_view> cells, char separator);

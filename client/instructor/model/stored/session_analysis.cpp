@@ -194,7 +194,7 @@ void SessionAnalysis::collect() {
 void SessionAnalysis::exportTo(const std::filesystem::path& file) {
   begin(AnalysisJob::kExport);
   if (!first_) return showError(AnalysisJob::kExport, {ErrorCode::kInvalidInput, "load a session first"});
-  const std::string kind = file.extension().string();
+  const std::string kind = lowerCase(file.extension().string());
   if (kind != ".html" && kind != ".csv")
     return showError(AnalysisJob::kExport,
                      {ErrorCode::kInvalidInput,

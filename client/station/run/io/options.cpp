@@ -22,6 +22,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
+#include "common/base/text/csv_rows.h"
 #include "common/base/text/text.h"
 #include "common/base/usage/usage.h"
 #include "common/haptics/scene_spec.h"
@@ -243,8 +244,6 @@ void addStationOptions(CLI::App& app, StationOptions& o, RawOptions& raw) {
   addHandOptions(app, o.hand);
 }
 
-constexpr double kLongestTool_m = 1;
-
 /// --enrolled: server, CA and key from its folder.
 Status takeEnrolment(StationOptions& options, RawOptions& raw) {
   options.enrolled =
@@ -269,8 +268,12 @@ Status takeEnrolment(StationOptions& options, RawOptions& raw) {
 constexpr int kMinWidth_px = 640, kMinHeight_px = 360, kMaxSide_px = 8192;
 
 // accepts a number and nothing else
-template <typename Number>
-bool readNumber(const std::string& text, Number& value) {
+bool readNumber(const std::string& text, double& value) {
+  const auto number = numberOf(text);
+  value = number.value_or(value);
+  return number.has_value();
+}
+bool readNumber(const std::string& text, int& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc() && end == text.data() + text.size();
 }
@@ -358,19 +361,12 @@ Status complete(StationOptions& options, const RawOptions& raw) {
   if (!options.exercise.empty() && !options.profile_file.empty())
     return usage("--exercise and --profile exclude each other: an exercise has its own profile");
   if (!tool.empty()) {
-    auto pose = parsePoseOption(tool, "--tool");
-    if (!pose.ok()) return pose.error();
-    // probably millimetres instead of metres: every force would act on the handle with a lever of a hundred
-    // metres
-    if (const double length_m = std::hypot(pose->p.x, pose->p.y, pose->p.z); !(length_m <= kLongestTool_m))
-      return usage(
-          "--tool: the tip lies " + numberText(length_m) +
-          " m from the handle's origin, allowed is at most 1 m; give metres, as in 0,0,0.142,0,0,0,1");
-    options.X_HT = *pose;
+    // in millimetres, every force would act on the handle with a lever of a hundred metres
+    ASSIGN_OR_RETURN(options.X_HT, parsePoseOption(tool, "--tool"));
     options.tool_given = true;
   }
   if (!placement.empty()) {
-    ASSIGN_OR_RETURN(options.X_WL, parsePoseOption(placement, "--placement"));
+    ASSIGN_OR_RETURN(options.X_WL, parsePoseOption(placement, "--placement", Quantity::kPlacement));
   }
   options.keep.age_s = static_cast<std::int64_t>(raw.keep_days * 86'400);
   options.keep.quota_bytes = static_cast<std::uint64_t>(raw.quota_mib * 1024 * 1024);

@@ -44,13 +44,20 @@ TEST(PoseOption, normalisesASlightlyLongQuaternion) {
   EXPECT_EQ(pose->q, (Quat{0, 0, 0, 1}));
 }
 
+TEST(PoseOption, takesSignsOfPagesAndSpreadsheets) {
+  EXPECT_EQ(parsePoseOption("0,+0.01,\u22120.15,0,0,0,1", "--tool")->p, (Vec3{0, 0.01, -0.15}));
+}
+
 TEST(PoseOption, refusesWrongNumbersByName) {
   EXPECT_THAT(messageOf("0,0,0.1"), HasSubstr("--tool: 3 numbers"));
   EXPECT_THAT(messageOf("0,0,0,0,0,0,1,0"), HasSubstr("8 numbers"));
   EXPECT_THAT(messageOf("0,0,,0,0,0,1"), HasSubstr("'' is not a number"));
   EXPECT_THAT(messageOf("0,0,1e,0,0,0,1"), HasSubstr("'1e' is not a number"));
   EXPECT_THAT(messageOf("0,0,0,0,0,0,0.9"), HasSubstr("length of the quaternion: 0.9"));
-  EXPECT_THAT(messageOf("0,2000,0,0,0,0,1"), HasSubstr("--tool: y: 2000 is out of range [-1000, 1000]"));
+  EXPECT_THAT(messageOf("0,2000,0,0,0,0,1"), HasSubstr("--tool: the distance from the origin is 2000 m"));
+  EXPECT_THAT(messageOf("0,0,130,0,0,0,1"), HasSubstr("looks like millimetres: 130 millimetres are 0.13 m"));
+  EXPECT_THAT(parsePoseOption("0,0,-20,0,0,0,1", "--placement", Quantity::kPlacement).error().message,
+              HasSubstr("--placement: the distance from the origin is 20 m"));
   EXPECT_THAT(messageOf(""), HasSubstr("--tool"));
   EXPECT_THAT(messageOf("/nowhere/tool.json"), HasSubstr("/nowhere/tool.json"));
 }

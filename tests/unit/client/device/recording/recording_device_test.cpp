@@ -40,7 +40,7 @@ Quat aboutX(double angle_rad) {
 }
 
 PoseTrack trackOf(std::vector<double> t_s, std::vector<Pose> poses) {
-  return {std::move(t_s), std::move(poses), {}};
+  return {std::move(t_s), std::move(poses), {}, {}};
 }
 
 TEST_F(PoseTrackFile, columnsAreFoundByNameInAnyOrder) {

@@ -35,7 +35,7 @@ std::string phaseRows(const std::string& phase, int from, int count, double step
   for (int i = 0; i < count; ++i)
     text += phase + "," + std::to_string((from + i) * 0.01) + "," +
             std::to_string(phase == "insert" ? i * 0.005 / (count - 1) : 0.005 + i * step_m) + "," +
-            std::to_string(from + i) + kWords + "\n";
+            std::to_string(0.1 * (from + i)) + kWords + "\n";
   return text;
 }
 
@@ -48,7 +48,7 @@ std::string faultOf(const TempFolder& folder) {
 
 TEST(CurveSet, columnsSayAllThatIsKnown) {
   const TempFolder folder;
-  folder.write("b.csv", kHeader + rows(10, kWords) + rows(10, ",s2,20G,liver,0.003"));
+  folder.write("b.csv", kHeader + rows(10, kWords) + rows(11, ",s2,20G,liver,0.003"));
   folder.write("a.csv",
                "\xEF\xBB\xBF force_n , depth_m,remark,specimen,needle,tissue,speed_m_s\r\n"
                "0,0,x,s0,18G,gel,0.01\r\n1,0.001,,s0,18G,gel,0.01\r\n2,0.002,y,s0,18G,gel,0.01\r\n\r\n"
@@ -92,15 +92,109 @@ TEST(CurveSet, recedingRowsAreAWithdrawalADigitisationOrRefused) {
   EXPECT_THAT(points->notes.front(), testing::HasSubstr("is digitised"));
 }
 
-TEST(CurveSet, timeTimesSpeedIsDepthFromTheFirstRowOn) {
+TEST(CurveSet, timeTimesSpeedIsDepthFromTheFirstRowOnWhereItSaysWhereTheNeedleStops) {
   const TempFolder folder;
   std::string text = "t_s,force_n,specimen,needle,tissue,speed_m_s\n";
   for (int i = 0; i < 20; ++i) text += std::to_string(5 + 0.1 * i) + ",1" + kWords + "\n";
   folder.write("time.csv", text);
+  EXPECT_THAT(faultOf(folder),
+              testing::AllOf(HasSubstr("where the needle stops or turns"), HasSubstr("'phase'"),
+                             HasSubstr("'depth_m'"), HasSubstr("'insertion_s'")));
+  folder.write("data_set.json", R"({"curves": [{"file": "time.csv", "insertion_s": 1.25}]})");
   const auto set = readCurveSet(folder.path());
   ASSERT_TRUE(set.ok()) << set.error().message;
-  for (std::size_t i = 0; i < 20; ++i)
+  ASSERT_EQ(set->curves[0].depth_m.size(), 13u) << "rows up to 1.25 s after the first";
+  for (std::size_t i = 0; i < 13; ++i)
     EXPECT_NEAR(set->curves[0].depth_m[i], 0.0003 * static_cast<double>(i), 1e-9);
+}
+
+TEST(CurveSet, namesInCapitalsAndTextsAreReadAndWhatIsLeftOutIsNamed) {
+  const TempFolder folder;
+  folder.write("A.CSV", kHeader + rows(10, kWords));
+  folder.write("b.TXT", kHeader + rows(11, kWords));
+  folder.write("README.txt", "two insertions, \"by hand\n");
+  folder.write("._A.CSV", "\x05\x16\x07");
+  folder.write("photo.jpg", "x");
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  EXPECT_EQ(set->curves.size(), 2u);
+  EXPECT_THAT(set->notes, testing::UnorderedElementsAre(HasSubstr("2 of 5 files in the folder are left out"),
+                                                        HasSubstr("README.txt is omitted")));
+  EXPECT_THAT(set->notes[0], HasSubstr("._A.CSV, photo.jpg"));
+}
+
+TEST(CurveSet, curvesWithTheSameNumbersCountOnceUnderAnyName) {
+  const TempFolder folder;
+  folder.write("a (1).csv", kHeader + rows(10, kWords));
+  folder.write("a.csv", kHeader + rows(10, kWords));
+  folder.write("other.csv", kHeader + rows(10, ",s9,18G,liver,0.003"));
+  folder.write("b.csv", kHeader + rows(11, kWords));
+  const auto set = readCurveSet(folder.path());
+  ASSERT_TRUE(set.ok()) << set.error().message;
+  EXPECT_EQ(set->curves.size(), 2u);
+  EXPECT_THAT(set->notes.back(),
+              testing::AllOf(HasSubstr("2 of 4"), HasSubstr("a (1).csv is a copy of a.csv"),
+                             HasSubstr("other.csv is a copy of a.csv")));
+}
+
+// From 5 mm above the skin to 20 mm below it in steps of 0.25 mm: 1 N/mm in tissue, on a zero that goes from
+// `first_N` on by `drift_N`.
+std::string withZero(double first_N, double drift_N) {
+  std::string text = kHeader;
+  for (int i = 0; i <= 100; ++i) {
+    const double depth_m = -0.005 + 0.00025 * i, noise_N = i % 2 == 0 ? 0.01 : -0.01;
+    text += std::to_string(depth_m) + "," +
+            std::to_string(400 * std::max(0.0, depth_m) + first_N + drift_N * i / 100 + noise_N) + kWords +
+            "\n";
+  }
+  return text;
+}
+
+TEST(CurveSet, aSensorThatWasNotTaredIsNamedAndTaredOnDemand) {
+  const struct {
+    double first_N, drift_N;
+    std::string said;
+  } cases[] = {{0.8, 0, "0.80 N"}, {-0.5, 0.42, "the zero drifts by 0.4"}};
+  for (const auto& one : cases) {
+    const TempFolder folder;
+    folder.write("a.csv", withZero(one.first_N, one.drift_N));
+    const auto as_it_is = readCurveSet(folder.path()),
+               tared = readCurveSet(folder.path(), {}, {.tare = true});
+    ASSERT_TRUE(as_it_is.ok() && tared.ok());
+    EXPECT_THAT(as_it_is->notes.back(),
+                testing::AllOf(HasSubstr(one.said), HasSubstr("--tare takes it off")));
+    EXPECT_THAT(tared->notes.back(), HasSubstr("it is taken off"));
+    const ForceCurve& curve = tared->curves[0];
+    for (std::size_t i = 0; i < curve.depth_m.size(); ++i)
+      EXPECT_NEAR(curve.force_N[i], 400 * std::max(0.0, curve.depth_m[i]), 0.05) << i;
+  }
+  const TempFolder folder;
+  folder.write("a.csv", withZero(0, 0));
+  EXPECT_THAT(readCurveSet(folder.path())->notes, testing::IsEmpty()) << "a tared sensor is not named";
+}
+
+TEST(CurveSet, aForceBeyondNeedlesIsTakenOnlyWithItsUnit) {
+  const TempFolder folder;
+  folder.write("a.csv", kHeader + rows(10, kWords) + "0.01,36" + kWords + "\n");
+  EXPECT_THAT(faultOf(folder), testing::AllOf(HasSubstr("line 12"), HasSubstr("gram-force"),
+                                              HasSubstr("0.353039 N"), HasSubstr("--force-unit")));
+  EXPECT_EQ(readCurveSet(folder.path(), {}, {.force_unit_N = 1})->curves[0].force_N.back(), 36);
+  EXPECT_NEAR(readCurveSet(folder.path(), {}, {.force_unit_N = 9.80665e-3})->curves[0].force_N.back(),
+              0.3530394, 1e-12);
+}
+
+TEST(CurveSet, lettersOfAnotherEncodingMatterOnlyInWordsThatAreRead) {
+  const TempFolder folder;
+  const std::string header = kHeader.substr(0, kHeader.size() - 1) +
+                             ",temperature [\xb0"
+                             "C]\n";
+  folder.write("a.csv", header + rows(10, kWords + ",21"));
+  EXPECT_TRUE(readCurveSet(folder.path()).ok());
+  folder.write("a.csv", kHeader + rows(10, ",K\xf6hler,18G,liver,0.003"));
+  EXPECT_THAT(faultOf(folder),
+              testing::AllOf(HasSubstr("line 2"), HasSubstr("specimen"), HasSubstr("--encoding")));
+  EXPECT_EQ(readCurveSet(folder.path(), {}, {.encoding = TextEncoding::kWindows1252})->curves[0].specimen,
+            "Köhler");
 }
 
 TEST(CurveSet, depthAndTimeTogetherGiveTheSpeed) {
@@ -127,11 +221,11 @@ TEST(CurveSet, phasesAreReadFromTheirColumn) {
   ASSERT_EQ(curve.hold.t_s.size(), 50u);
   EXPECT_EQ(curve.hold.t_s.front(), 0);
   EXPECT_NEAR(curve.hold.t_s.back(), 0.49, 1e-9);
-  EXPECT_EQ(curve.hold.force_N.front(), 11);
+  EXPECT_EQ(curve.hold.force_N.front(), 1.1);
   // sorted by depth: the last row first
   ASSERT_EQ(curve.withdrawal.depth_m.size(), 10u);
   EXPECT_NEAR(curve.withdrawal.depth_m.front(), 0.0005, 1e-12);
-  EXPECT_EQ(curve.withdrawal.force_N.front(), 70);
+  EXPECT_EQ(curve.withdrawal.force_N.front(), 7);
   EXPECT_NEAR(curve.withdrawal.speed_mps, 0.05, 1e-9);
 }
 
@@ -143,7 +237,7 @@ TEST(CurveSet, phasesAreRecognisedFromDepthOverTime) {
     const double t = 0.02 * i;
     const double depth = t <= 2 ? 0.005 * t : t <= 5 ? 0.01 - (i % 2) * 2e-5 : 0.01 - 0.01 * (t - 5);
     text +=
-        std::to_string(t) + "," + std::to_string(depth) + "," + std::to_string(0.1 * i) + ",s1,18G,liver\n";
+        std::to_string(t) + "," + std::to_string(depth) + "," + std::to_string(0.01 * i) + ",s1,18G,liver\n";
   }
   folder.write("all.csv", text);
   const auto set = readCurveSet(folder.path());
@@ -194,7 +288,8 @@ TEST(CurveSet, aKnownDataSetNeedsNoDescription) {
     EXPECT_EQ(set->curves[0].force_N.size(), 371u);
     EXPECT_EQ(set->curves[0].speed_mps, 0.003);
     EXPECT_THAT(set->notes[0], HasSubstr("built in"));
-    EXPECT_EQ(set->notes.size(), 4u) << "two files are left out, each with its reason, and one is digitised";
+    EXPECT_EQ(set->notes.size(), 5u)
+        << "three files are left out, each with its reason, and one is digitised";
     EXPECT_THAT(set->licence, HasSubstr("none"));
   }
 }
@@ -207,7 +302,7 @@ TEST(CurveSet, whatIsWrongIsNamedWithFileLineFieldAndValue) {
       {"", {"bad.csv line 1", "is empty"}},
       {kHeader, {"bad.csv line 1", "no rows"}},
       {kHeader + "0,0,s1,18G,liver,0.003\n48.2,1,s1,18G,liver,0.003\n",
-       {"bad.csv line 3", "'depth_m'", "'48.2'", "[-0.05, 1]", "not millimetres"}},
+       {"bad.csv line 3", "'depth_m'", "'48.2'", "[-0.05, 1]", "looks like millimetres", "0.0482 m"}},
       {kHeader + "0,nan,s1,18G,liver,0.003\n", {"line 2", "'force_n'", "'nan'", "[-100, 100]"}},
       {kHeader + "0,1e999,s1,18G,liver,0.003\n", {"line 2", "'force_n'", "1e999"}},
       {kHeader + "0,ten,s1,18G,liver,0.003\n", {"line 2", "'force_n'", "'ten'", "not a number"}},
@@ -239,8 +334,8 @@ TEST(CurveSet, whatIsWrongIsNamedWithFileLineFieldAndValue) {
        {"line 10", "'speed_m_s'", "0.005", "0.003", "line 2", "'curve'"}},
       {"t_s,force_n,specimen,needle,tissue,speed_m_s\n1,0" + kWords + "\n0.5,0" + kWords + "\n",
        {"line 3", "'t_s'", "0.5", "must not go back"}},
-      {"t_s,force_n,specimen,needle,tissue,speed_m_s\n0,0,s,n,t,1\n1,0,s,n,t,1\n2,0,s,n,t,1\n3,0,s,n,t,1\n"
-       "4,0,s,n,t,1\n5,0,s,n,t,1\n6,0,s,n,t,1\n7,0,s,n,t,1\n",
+      {"t_s,force_n,specimen,needle,tissue,speed_m_s,phase\n0,0,s,n,t,1,insert\n1,0,s,n,t,1,insert\n2,0,s,n,t,1,insert\n3,0,s,n,t,1,insert\n"
+       "4,0,s,n,t,1,insert\n5,0,s,n,t,1,insert\n6,0,s,n,t,1,insert\n7,0,s,n,t,1,insert\n",
        {"line 2", "depth of 2 m", "[-0.05, 1]"}},
       {"depth_m,force_n\n0,0\n", {"no force curve", "specimen", "bad.csv is omitted"}},
   };
@@ -314,10 +409,10 @@ TEST(CurveSet, theOrderOfTheFolderDoesNotMatter) {
   const TempFolder one, two;
   for (const char* specimen : {"s1", "s2", "s3"})
     one.write(std::string(specimen) + ".csv",
-              kHeader + rows(10, std::string(",") + specimen + ",18G,liver,0.003"));
+              kHeader + rows(10 + (specimen[1] - '0'), std::string(",") + specimen + ",18G,liver,0.003"));
   for (const char* specimen : {"s3", "s1", "s2"})
     two.write(std::string(specimen) + ".csv",
-              kHeader + rows(10, std::string(",") + specimen + ",18G,liver,0.003"));
+              kHeader + rows(10 + (specimen[1] - '0'), std::string(",") + specimen + ",18G,liver,0.003"));
   const auto a = readCurveSet(one.path()), b = readCurveSet(two.path());
   ASSERT_TRUE(a.ok() && b.ok());
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(a->curves[i].name, b->curves[i].name);

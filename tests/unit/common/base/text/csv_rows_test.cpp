@@ -20,8 +20,9 @@ struct ReadRow {
   std::vector<std::string> cells;
   friend bool operator==(const ReadRow&, const ReadRow&) = default;
 };
-std::vector<ReadRow> rowsOf(std::string_view text, std::size_t lines_above = 0) {
-  CsvRows rows(text, lines_above);
+std::vector<ReadRow> rowsOf(std::string_view text, std::size_t lines_above = 0,
+                            CommentLines comments = CommentLines::kNo) {
+  CsvRows rows(text, lines_above, comments);
   std::vector<ReadRow> read;
   for (;;) {
     const auto there = rows.next();
@@ -111,6 +112,32 @@ TEST(CsvNumbers, useADecimalCommaOnlyWithAnotherSeparator) {
   for (const char* const cell : {"1,25", "", "1.2.3", "x"}) EXPECT_FALSE(csvNumber(cell, ',')) << cell;
   EXPECT_FALSE(csvNumber("1.234,5", ';')) << "a separator of thousands: which is it?";
   EXPECT_FALSE(csvNumber("1,2,3", ';'));
+}
+
+TEST(CsvNumbers, haveTheSignsAndBlanksOfInstrumentsAndSpreadsheets) {
+  for (const char* const cell : {"+0.5", " 0.5 ", "0.5\u00a0", "\u202f+0.5\u2009", "5e-1", "5E\u221201"})
+    EXPECT_EQ(numberOf(cell), 0.5) << cell;
+  EXPECT_EQ(numberOf("\u22120.004"), -0.004);
+  EXPECT_EQ(numberOf("\u22121,5", ';'), -1.5);
+  for (const char* const cell : {"++1", "+-1", "-+1", "\u2212-1", "+", "\u2212", "1 2", "\u00a0"})
+    EXPECT_FALSE(numberOf(cell)) << cell;
+  EXPECT_EQ(csvNumber("0.5 # touched", ','), 0.5);
+  EXPECT_FALSE(csvNumber("0.5#", ','));
+}
+
+TEST(CsvRows, commentsAreNotRowsWhereAReaderSaysSo) {
+  const auto read = [](std::string_view text) { return rowsOf(text, 0, CommentLines::kYes); };
+  const ReadRow first{2, {"0", "1"}};
+  EXPECT_EQ(read("# t_s,force_n\n0,1\n"), (std::vector<ReadRow>{{1, {"t_s", "force_n"}}, first}))
+      << "numpy.savetxt";
+  EXPECT_EQ(read("% by hand; 18G\n// t_s;force_n\n0;1\n"),
+            (std::vector<ReadRow>{{2, {"t_s", "force_n"}}, {3, {"0", "1"}}}));
+  EXPECT_EQ(read("# by hand\nt_s,force_n\n0,1\n# a rest\n2,3\n# end\n"),
+            (std::vector<ReadRow>{{2, {"t_s", "force_n"}}, {3, {"0", "1"}}, {5, {"2", "3"}}}));
+  EXPECT_EQ(read("t_s,force_n\n0,1, # touched, then let go\n"),
+            (std::vector<ReadRow>{{1, {"t_s", "force_n"}}, first}));
+  EXPECT_EQ(rowsOf("#name,role\n#1,a\n"), (std::vector<ReadRow>{{1, {"#name", "role"}}, {2, {"#1", "a"}}}))
+      << "a class list has none";
 }
 
 TEST(TextEncodings, defaultToUnicode) {
