@@ -160,9 +160,10 @@ int score(const ScoreOptions& options) {
       std::fprintf(stderr, "needlelab-sim: warning: %s\n", part.c_str());
   const auto spec = sceneSpecOf(scene.profile, scene.X_WL);
   if (!spec.ok()) return failed("score", spec.error());
-  warnOfDirection(
-      "score", spec->limb, scored->samples.size(), [&](std::size_t i) { return tipOf(scored->samples[i]); },
-      options.recorded.empty() ? QuaternionOrder::kUnsure : QuaternionOrder::kSure);
+  const auto tip = [&](std::size_t i) { return tipOf(scored->samples[i]); };
+  warnOfDirection("score", spec->limb, scored->samples.size(), tip,
+                  options.recorded.empty() ? QuaternionOrder::kUnsure : QuaternionOrder::kSure);
+  warnOfNoContact(spec->limb, scored->samples.size(), tip);
   const auto exercise = exerciseOf(options.exercise);
   if (!exercise.ok()) return failed("score", exercise.error());
   if (exercise->has_value()) {

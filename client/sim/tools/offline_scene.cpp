@@ -123,18 +123,20 @@ std::uint64_t fnv1a(std::string_view text) {
 
 void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
                      const std::function<TipSample(std::size_t)>& tip, QuaternionOrder order) {
-  const auto warn = [&](const std::string& text) {
-    std::fprintf(stderr, "needlelab-sim %s: warning: %s\n", command, text.c_str());
-  };
-  if (const auto warning = needleDirectionWarning(limb, rows, tip, order)) warn(*warning);
+  if (const auto warning = needleDirectionWarning(limb, rows, tip, order))
+    std::fprintf(stderr, "needlelab-sim %s: warning: %s\n", command, warning->c_str());
+}
+
+void warnOfNoContact(const Limb& limb, std::size_t rows, const std::function<TipSample(std::size_t)>& tip) {
   double nearest_m = -std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < rows && nearest_m < 0; ++i)
     nearest_m = std::max(nearest_m, signedDepth(limb, tip(i).p_WT_m));
   if (nearest_m < 0)
-    warn(fmt::format(
-        "the tip never meets the skin; the nearest row is {:.3g} m above it: do the units, --tool and "
-        "--placement fit the trajectory?",
-        -nearest_m));
+    std::fprintf(
+        stderr,
+        "needlelab-sim score: warning: the tip never meets the skin; the nearest row is %.3g m above it: do "
+        "the units, --tool and --placement fit the trajectory?\n",
+        -nearest_m);
 }
 
 TipSample tipOf(const GestureSample& sample) {

@@ -65,10 +65,12 @@ void printWarnings(const OfflineScene& scene);
 /// bits.
 std::uint64_t fnv1a(std::string_view text);
 
-/// Prints needleDirectionWarning on standard error, and a warning if the tip never meets the skin.
+/// Prints needleDirectionWarning on standard error.
 void warnOfDirection(const char* command, const Limb& limb, std::size_t rows,
                      const std::function<TipSample(std::size_t)>& tip,
                      QuaternionOrder order = QuaternionOrder::kUnsure);
+/// Says on standard error that the tip never meets the skin, if that is so.
+void warnOfNoContact(const Limb& limb, std::size_t rows, const std::function<TipSample(std::size_t)>& tip);
 TipSample tipOf(const GestureSample& sample);
 
 }  // namespace needlelab

@@ -288,8 +288,7 @@ TEST(CurveSet, aKnownDataSetNeedsNoDescription) {
     EXPECT_EQ(set->curves[0].force_N.size(), 371u);
     EXPECT_EQ(set->curves[0].speed_mps, 0.003);
     EXPECT_THAT(set->notes[0], HasSubstr("built in"));
-    EXPECT_EQ(set->notes.size(), 5u)
-        << "three files are left out, each with its reason, and one is digitised";
+    EXPECT_EQ(set->notes.size(), 4u) << "two files are left out, each with its reason, and one is digitised";
     EXPECT_THAT(set->licence, HasSubstr("none"));
   }
 }
