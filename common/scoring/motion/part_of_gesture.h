@@ -9,8 +9,8 @@
 
 namespace needlelab {
 
-/// Holes of more than kLongestBridge_s, an end in tissue, as many rows as a spreadsheet keeps: sentences for
-/// people. Empty: nothing. `rate_hz`: the loop's, above 0.
+/// Holes of more than kLongestBridge_s, more than half of the ticks left out, an end in tissue, as many rows
+/// as a spreadsheet keeps: sentences for people. Empty: nothing. `rate_hz`: the loop's, above 0.
 std::vector<std::string> partOfGesture(std::span<const GestureSample> samples, double rate_hz);
 
 }  // namespace needlelab

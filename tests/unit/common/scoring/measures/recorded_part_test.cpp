@@ -97,6 +97,20 @@ TEST(PartOfGesture, isSaidOfHolesOfAnEndInTissueAndOfASpreadsheetsLength) {
                                    testing::HasSubstr("end in tissue")));
 }
 
+TEST(PartOfGesture, saysThatAnExportForASpreadsheetLeavesTicksOut) {
+  std::vector<GestureSample> samples(1000);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].tick = 4 * i;
+    samples[i].time_ns = static_cast<std::int64_t>(4 * i) * 1'000'000;
+    samples[i].layer = -1;
+  }
+  EXPECT_THAT(partOfGesture(samples, 1000),
+              testing::ElementsAre(testing::StartsWith("1000 of 3997 ticks are there")));
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    samples[i].tick = 2 * i;  // one of two is missing, not more
+  EXPECT_THAT(partOfGesture(samples, 1000), testing::IsEmpty());
+}
+
 TEST(NeedleTime, beginsWhereTheUncappedNeedleFirstMeetsTissue) {
   const pb::Profile profile = halfSpace();
   std::vector<GestureSample> samples = sixSecondsIn();
