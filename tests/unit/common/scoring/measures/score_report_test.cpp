@@ -89,13 +89,12 @@ TEST(ScoreCsv, oneRowAnAttemptAndMeasure) {
       R"({"measure":"target_distance_m","value":null,"unit":"","max":0.01,"passed":false,"words":"w"}])";
   ASSERT_TRUE(
       appendScoreCsvRows(text, {"id-1", "=1+1", "a,\"b\"", 3, 1'700'000'000'123'456'789, 2}, json).ok());
-  EXPECT_EQ(
-      text,
-      "session,trainee,exercise,attempt,started,definition_version,measure,value,unit,better,min,max,"
-      "passed\n"
-      "id-1,'=1+1,\"a,\"\"b\"\"\",3,2023-11-14T22:13:20.123Z,2,peak_force_n,0.10000000000000001,N,less,,5,1\n"
-      "id-1,'=1+1,\"a,\"\"b\"\"\",3,2023-11-14T22:13:20.123Z,2,entries,2,,less,,,\n"
-      "id-1,'=1+1,\"a,\"\"b\"\"\",3,2023-11-14T22:13:20.123Z,2,target_distance_m,,,less,,0.01,0\n");
+  EXPECT_EQ(text,
+            "session,trainee,exercise,attempt,started,definition_version,measure,value,unit,better,min,max,"
+            "passed\n"
+            "id-1,'=1+1,\"a,\"\"b\"\"\",3,2023-11-14T22:13:20.123Z,2,peak_force_n,0.1,N,less,,5,1\n"
+            "id-1,'=1+1,\"a,\"\"b\"\"\",3,2023-11-14T22:13:20.123Z,2,entries,2,,less,,,\n"
+            "id-1,'=1+1,\"a,\"\"b\"\"\",3,2023-11-14T22:13:20.123Z,2,target_distance_m,,,less,,0.01,0\n");
   const std::string before = text;
   EXPECT_FALSE(appendScoreCsvRows(text, {}, "no score").ok());
   EXPECT_EQ(text, before);

@@ -73,7 +73,7 @@ TEST(StationOptions, aWholeCommandLine) {
                               "--tool",
                               "0,0,0.15,0,0,0,1",
                               "--placement",
-                              "1,2,3,1,0,0,0",
+                              "0.1,0.2,0.3,1,0,0,0",
                               "--hand-seed",
                               "9"});
   ASSERT_FALSE(outcome.parsed.exit_code) << outcome.err;
@@ -160,7 +160,7 @@ TEST(StationOptions, wrongUsageExitsWithTwoAndNamesWhatIsMissing) {
       {{"--profile", "p", "--seconds", "-1"}, "--seconds"},
       {{"--profile", "p", "--seconds", "inf"}, "--seconds"},
       {{"--profile", "p", "--tool", "1,2,3"}, "--tool"},
-      {{"--profile", "p", "--tool", "0,0,142,0,0,0,1"}, "give metres"},
+      {{"--profile", "p", "--tool", "0,0,142,0,0,0,1"}, "looks like millimetres"},
       {{"--profile", "p", "--placement", "0,0,0,0,0,0,2"}, "--placement"},
       {{"--profile", "p", "--fly"}, "--fly"},
       {{"--profile", "p", "--on-fault", "ignore"}, "--on-fault"},
