@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -48,7 +49,7 @@ constexpr PlausibleRow kPlausible[] = {
 }  // namespace
 
 std::string implausible(Quantity quantity, double value) {
-  const PlausibleRow& row = kPlausible[static_cast<std::size_t>(quantity)];
+  const PlausibleRow& row = *std::ranges::find(kPlausible, quantity, &PlausibleRow::quantity);
   const double size = std::abs(value);
   if (size <= row.most) return {};
   const auto distance = [&](const LikelyUnit& unit) {

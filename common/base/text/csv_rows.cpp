@@ -120,7 +120,7 @@ CsvRows::CsvRows(std::string_view text, std::size_t lines_above, CommentLines co
   while (at_ < text_.size() && !findSeparator()) passLineEnd(at_ + lineFrom(at_).size());
 }
 
-/// Goes to the first line that is no comment or, if that begins with a number, to the comment above it.
+/// Goes to the first line that is no comment or, if that has a number, to the comment above it.
 void CsvRows::findHeader() {
   std::size_t above = std::string_view::npos, above_line = 0;
   for (; at_ < text_.size(); passLineEnd(at_ + lineFrom(at_).size())) {
@@ -129,7 +129,12 @@ void CsvRows::findHeader() {
       above = static_cast<std::size_t>(line.data() - text_.data()) + sign;
       above_line = line_;
     } else if (!line.empty()) {
-      const bool is_row = numberOf(line.substr(0, line.find_first_of(",;\t"))).has_value();
+      bool is_row = false;  // a cell is a number
+      for (std::size_t from = 0; !is_row && from <= line.size();) {
+        const std::size_t to = std::min(line.find_first_of(",;\t", from), line.size());
+        is_row = numberOf(line.substr(from, to - from)).has_value();
+        from = to + 1;
+      }
       if (is_row && above != std::string_view::npos) at_ = above, line_ = above_line;
       return;
     }

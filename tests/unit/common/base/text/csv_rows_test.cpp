@@ -130,6 +130,8 @@ TEST(CsvRows, commentsAreNotRowsWhereAReaderSaysSo) {
   const ReadRow first{2, {"0", "1"}};
   EXPECT_EQ(read("# t_s,force_n\n0,1\n"), (std::vector<ReadRow>{{1, {"t_s", "force_n"}}, first}))
       << "numpy.savetxt";
+  EXPECT_EQ(read("# specimen,force_n\ns0,1\n"),
+            (std::vector<ReadRow>{{1, {"specimen", "force_n"}}, {2, {"s0", "1"}}}));
   EXPECT_EQ(read("% by hand; 18G\n// t_s;force_n\n0;1\n"),
             (std::vector<ReadRow>{{2, {"t_s", "force_n"}}, {3, {"0", "1"}}}));
   EXPECT_EQ(read("# by hand\nt_s,force_n\n0,1\n# a rest\n2,3\n# end\n"),
