@@ -304,8 +304,9 @@ Status GroupStore::remove(const std::string& id, std::optional<std::uint32_t> ba
 
 Result<pb::Group> GroupStore::get(std::string_view id) {
   ASSIGN_OR_RETURN(auto group, find(id));
-  if (!group) RETURN_IF_ERROR(requireThing(connection_, Thing::kGroup, id));
-  return *std::move(group);
+  if (group) return *std::move(group);
+  RETURN_IF_ERROR(requireThing(connection_, Thing::kGroup, id));
+  return Error{ErrorCode::kConflict, "the group '" + printable(id) + "' was made at this moment: ask again"};
 }
 
 Result<std::optional<pb::Group>> GroupStore::find(std::string_view id) {

@@ -110,7 +110,7 @@ class GroupStore {
   /// numbers. kNotFound, kConflict.
   Status remove(const std::string& id, std::optional<std::uint32_t> base, const std::string& by,
                 std::int64_t now_unix_ns);
-  /// kNotFound, by requireThing().
+  /// kNotFound, by requireThing(); kConflict: it was made meanwhile.
   Result<pb::Group> get(std::string_view id);
   /// Nothing if there is no such group.
   Result<std::optional<pb::Group>> find(std::string_view id);

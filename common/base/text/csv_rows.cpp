@@ -38,12 +38,12 @@ std::string_view withoutBlanks(std::string_view text) {
   return text;
 }
 
-/// How many characters mark the text as a comment; 0: it is none.
+/// How many characters mark the text as a comment; 0: it is not a comment.
 std::size_t commentSign(std::string_view text) {
   return text.starts_with('#') || text.starts_with('%') ? 1 : text.starts_with("//") ? 2 : 0;
 }
 
-/// Where a comment that follows after a blank begins; npos: there is none.
+/// Where a comment that follows after a blank begins; npos: nowhere.
 std::size_t commentIn(std::string_view text) {
   for (std::size_t at = text.find_first_of(" \t"); at != std::string_view::npos;
        at = text.find_first_of(" \t", at + 1))

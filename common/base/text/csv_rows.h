@@ -27,7 +27,7 @@ Result<std::string> utf8TextOf(std::string_view field, std::string bytes,
                                TextEncoding encoding = TextEncoding::kUnicode);
 
 /// Whether lines that begin with #, % or // are comments, as in tables of numbers. The header may begin so,
-/// if the line below it begins with a number; a row may end so.
+/// if a cell of the line below it is a number; a row may end so.
 enum class CommentLines { kNo, kYes };
 
 /// The separator is a comma, semicolon or tab: the most frequent one outside quotes in the first row, unless

@@ -43,8 +43,8 @@ std::string unknownCommand(const CLI::App& app, const std::string& before, const
   return fmt::format("'{}{}' is not a command; there are: {}", before, word, near);
 }
 
-}  // namespace
-
+/// A sentence about the first word that names no command or option of `app`, with the nearest ones that
+/// exist; empty if each word is known, or if nothing is near an unknown option.
 std::string unknownWord(const CLI::App& app, int argc, const char* const* argv) {
   const CLI::App* command = &app;
   std::string before;
@@ -65,7 +65,7 @@ std::string unknownWord(const CLI::App& app, int argc, const char* const* argv) 
         const std::string near = name.starts_with("--") ? nearestOf(name, known, "") : "";
         return near.empty() ? "" : fmt::format("{} is not an option: did you mean {}?", name, near);
       }
-      // its value is no command; one that may be left out is none if it is the name of a command
+      // passes over its value; a value that may be left out is not a command's name
       const bool may_have_value =
           option->get_items_expected_max() > 0 && i + 1 < argc && argv[i + 1][0] != '-';
       if (name == word &&
@@ -73,14 +73,18 @@ std::string unknownWord(const CLI::App& app, int argc, const char* const* argv) 
         ++i;
       continue;
     }
-    const bool takes_values = std::ranges::any_of(command->get_options(), &CLI::Option::get_positional);
-    if (!isCommand(*command, word) && (takes_values || commandsOf(*command).empty())) continue;
-    if (!isCommand(*command, word)) return unknownCommand(*command, before, word);
+    if (!isCommand(*command, word)) {
+      const bool takes_values = std::ranges::any_of(command->get_options(), &CLI::Option::get_positional);
+      if (takes_values || commandsOf(*command).empty()) continue;
+      return unknownCommand(*command, before, word);
+    }
     command = command->get_subcommand(word);
     before += word + " ";
   }
   return {};
 }
+
+}  // namespace
 
 int endOfParsing(const CLI::App& app, const CLI::ParseError& error, int argc, const char* const* argv,
                  std::ostream& out, std::ostream& err) {
