@@ -375,7 +375,7 @@ faculty_demo() {
   local sums='SELECT count(*), sum(samples) FROM needlelab.chunks'
   until_so 60 "the standby has all" says standby "$sums" "$(sql primary "$sums")"
   echo "  the standby has the same: $(sql standby "$sums" | sed 's/ / chunks, /') samples"
-  asks ines session export "$session" --format csv --out "$place/results/$watched.csv" >/dev/null || in_vain "the session's export failed"
+  asks ines session export "$session" --every-tick --format csv --out "$place/results/$watched.csv" >/dev/null || in_vain "the session's export failed"
   if command -v gnuplot >/dev/null; then
     local kill_s
     kill_s=$(sql primary "SELECT round($killed - started_unix_ns / 1e9, 2) FROM needlelab.sessions WHERE station = '$watched'")
