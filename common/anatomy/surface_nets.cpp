@@ -39,7 +39,7 @@ class Net {
     nz_ = count(size_m.z);
     // off the box by half a cell all around: flat sides that lie on it are crossed
     low_m_ = (box.low_m + box.high_m) * 0.5 - Vec3{nx_ * 0.5, ny_ * 0.5, nz_ * 0.5} * cell_m_;
-    const auto blocks = [](int cells) { return static_cast<std::size_t>(cells / kBlock + 1); };
+    const auto blocks = [](int along) { return static_cast<std::size_t>(along / kBlock + 1); };
     blocks_y_ = blocks(ny_);
     blocks_z_ = blocks(nz_);
     corners_of_.assign(blocks(nx_) * blocks_y_ * blocks_z_, kNoCorners);
