@@ -139,6 +139,8 @@ PIECES = (
           ("{source}/tests/operations/live_packages {source} {build}",),
           (Number("checks", r"^ok: ", "count"), Number("MB for a server", r"^needlelab-server: (\S+) MB"), Number("MB for a lesson", r"^needlelab: (\S+) MB"),
            Number("s from nothing to a scored lesson", r"scored lesson: (\d+) s")), (*LAB, "needlelab-instructor", "needlelab-sim")),
+    Piece("library-abi", 1, "the libraries have the interface that was committed",
+          ("{source}/tests/library/abi {build}",), (Number("functions", r"^lib\S+: (\d+) functions", "sum"),)),
     Piece("faculty", 3, "PostgreSQL as FACULTY.md says, on one machine and on three",
           ("{source}/tests/operations/live_faculty {source} {build}",), (Number("checks", r"^ok: ", "count"),),
           (*LAB, "needlelab-instructor")),

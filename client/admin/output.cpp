@@ -8,9 +8,9 @@
 
 #include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
-#include "common/profile/strict_json.h"
 #include "common/scoring/measures/measures.h"
 
 namespace needlelab {

@@ -7,7 +7,7 @@
 
 #include "client/admin/command.h"
 #include "common/base/files/files.h"
-#include "common/profile/strict_json.h"
+#include "common/base/text/strict_json.h"
 #include "common/scoring/measures/measures.h"
 
 namespace needlelab {

@@ -9,9 +9,9 @@
 #include "client/sim/tools/gnuplot.h"
 #include "client/sim/tools/small_sample.h"
 #include "common/base/files/files.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/haptics/gate/handle_stiffness.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

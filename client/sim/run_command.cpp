@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "client/device/recording/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/offline_scene.h"
 #include "client/sim/tools/recorded_run.h"
@@ -17,6 +16,7 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/gesture/sample.h"
+#include "common/gesture/whole_recording.h"
 #include "common/haptics/body/body_engine.h"
 #include "common/profile/scene_of_profile.h"
 #include "common/scoring/motion/part_of_gesture.h"

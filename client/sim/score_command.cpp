@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "client/device/pose_option.h"
-#include "client/device/recording/whole_recording.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/closed_loop.h"
 #include "client/sim/tools/offline_scene.h"
@@ -20,6 +19,7 @@
 #include "common/base/program.h"
 #include "common/base/range.h"
 #include "common/gesture/sample.h"
+#include "common/gesture/whole_recording.h"
 #include "common/haptics/scene_spec.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/profile.h"

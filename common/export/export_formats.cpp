@@ -8,9 +8,9 @@
 #include <optional>
 
 #include "common/base/program.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/base/text/uuid.h"
-#include "common/profile/strict_json.h"
 #include "common/scoring/attempts/result_table.h"
 #include "common/scoring/measures/measures.h"
 

@@ -9,11 +9,11 @@
 #include <string_view>
 #include <variant>
 
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/haptics/scene_model.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/scene_of_profile.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/base/range.h"
-#include "common/profile/strict_json.h"
+#include "common/base/text/strict_json.h"
 #include "needlelab/options.pb.h"
 
 namespace needlelab {

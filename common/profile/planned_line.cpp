@@ -6,11 +6,11 @@
 #include <cmath>
 #include <variant>
 
+#include "common/base/text/strict_json.h"
 #include "common/base/units.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
 #include "common/profile/scene_of_profile.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

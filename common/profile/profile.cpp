@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "common/base/files/files.h"
+#include "common/base/text/strict_json.h"
 #include "common/profile/message_json.h"
 #include "common/profile/rules.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

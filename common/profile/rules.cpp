@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/base/range.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
@@ -21,7 +22,6 @@
 #include "common/profile/layer_names.h"
 #include "common/profile/planned_line.h"
 #include "common/profile/scene_of_profile.h"
-#include "common/profile/strict_json.h"
 #include "common/profile/structure_kinds.h"
 #include "common/profile/volume.h"
 

@@ -14,10 +14,10 @@
 
 #include "common/anatomy/field_body.h"
 #include "common/base/range.h"
+#include "common/base/text/strict_json.h"
 #include "common/haptics/axial_entry.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/profile/layer_names.h"
-#include "common/profile/strict_json.h"
 #include "common/profile/structure_kinds.h"
 #include "common/profile/volume.h"
 #include "needlelab/options.pb.h"

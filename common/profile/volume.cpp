@@ -7,10 +7,10 @@
 #include <string>
 
 #include "common/anatomy/tube_axes.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/scene_of_profile.h"
-#include "common/profile/strict_json.h"
 #include "common/profile/structure_kinds.h"
 
 namespace needlelab {

@@ -1,7 +1,9 @@
-# needlelab_library(NAME [OPTIMISED | TOOL] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
+# needlelab_library(NAME [OPTIMISED | TOOL] [INSTALLED] SOURCES ... DEPS ...)  -> needlelab_NAME, alias needlelab::NAME
 #   OPTIMISED: runs in the haptic tick or computes for long: -O2 in a release build (others: -O1) and a quick one (others:
 #   -O0), -O1 under a sanitizer (others: -O0). It has options of its own, so it cannot reuse precompiled headers.
 #   TOOL: only tests use it and time nothing with it, so it is compiled like a test
+#   INSTALLED: also part of a shared library (common/library): position-independent, its symbols hidden. No precompiled
+#   headers: they put symbols of Asio and OpenSSL into each object
 # needlelab_program(NAME [TOOL] SOURCES ... DEPS ...)       -> executable NAME in bin/
 # needlelab_test(NAME LABEL unit [threads] SOURCES ... DEPS ...)  -> GoogleTest program, one test of ctest: a start takes longer than
 #   most tests
@@ -27,8 +29,12 @@ function(needlelab_optimise target)
   endif()
 endfunction()
 
+function(needlelab_install_in_library target)
+  set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+endfunction()
+
 function(needlelab_library name)
-  cmake_parse_arguments(ARG "OPTIMISED;TOOL" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED;TOOL;INSTALLED" "" "SOURCES;DEPS" ${ARGN})
   if(ARG_UNPARSED_ARGUMENTS)
     message(FATAL_ERROR "needlelab_library(${name}): unknown ${ARG_UNPARSED_ARGUMENTS}")
   endif()
@@ -36,11 +42,14 @@ function(needlelab_library name)
   add_library(${target} STATIC ${ARG_SOURCES})
   add_library(needlelab::${name} ALIAS ${target})
   target_link_libraries(${target} PUBLIC needlelab_flags ${ARG_DEPS} PRIVATE needlelab_warnings)
+  if(ARG_INSTALLED)
+    needlelab_install_in_library(${target})
+  endif()
   if(ARG_OPTIMISED)
     needlelab_optimise(${target})
   elseif(ARG_TOOL AND TARGET GTest::gmock)
     needlelab_compile_as_test(${target})
-  else()
+  elseif(NOT ARG_INSTALLED)
     needlelab_reuse_headers(${target} needlelab_program_headers)
   endif()
 endfunction()

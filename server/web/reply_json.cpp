@@ -2,9 +2,9 @@
 #include <cmath>
 #include <utility>
 
+#include "common/base/text/strict_json.h"
 #include "common/base/text/uuid.h"
 #include "common/profile/message_json.h"
-#include "common/profile/strict_json.h"
 #include "server/web/web_call.h"
 
 namespace needlelab {

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "common/base/secret.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/base/time/clock.h"
-#include "common/profile/strict_json.h"
 #include "common/wire/protocol.h"
 #include "db/service/requests/requests.h"
 #include "db/store/schema.h"

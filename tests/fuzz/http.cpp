@@ -3,7 +3,7 @@
 #include <boost/asio/buffer.hpp>
 #include <string>
 
-#include "common/profile/strict_json.h"
+#include "common/base/text/strict_json.h"
 #include "db/service/requests/requests.h"
 #include "server/base/http_message.h"
 #include "server/base/http_stream.h"

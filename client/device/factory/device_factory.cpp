@@ -11,9 +11,9 @@
 #include "client/device/hand/simulated_device.h"
 #include "client/device/recording/needle_direction.h"
 #include "client/device/recording/recording_device.h"
-#include "client/device/recording/whole_recording.h"
 #include "client/device/virtuose/virtuose_device.h"
 #include "client/device/virtuose/virtuose_link.h"
+#include "common/gesture/whole_recording.h"
 
 namespace needlelab {
 namespace {

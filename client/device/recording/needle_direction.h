@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "client/device/recording/recording_device.h"
+#include "common/gesture/pose_track.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/geometry.h"
 #include "common/haptics/scene_spec.h"

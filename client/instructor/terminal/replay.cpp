@@ -9,10 +9,10 @@
 
 #include "client/instructor/terminal/headless.h"
 #include "client/instructor/terminal/update_line.h"
+#include "common/base/text/strict_json.h"
 #include "common/gesture/chunk.h"
 #include "common/profile/layer_names.h"
 #include "common/profile/profile.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

@@ -19,8 +19,8 @@
 #include "common/base/files/files.h"
 #include "common/base/plausible.h"
 #include "common/base/program.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 

@@ -11,9 +11,9 @@
 #include "common/base/files/files.h"
 #include "common/base/program.h"
 #include "common/base/range.h"
+#include "common/base/text/strict_json.h"
 #include "common/profile/profile.h"
 #include "common/profile/scene_of_profile.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 

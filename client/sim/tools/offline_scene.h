@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "client/device/recording/needle_direction.h"
-#include "client/device/recording/recording_device.h"
 #include "common/base/result.h"
+#include "common/gesture/pose_track.h"
 #include "common/gesture/sample.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_model.h"

@@ -105,23 +105,6 @@ Status checkWays(const std::filesystem::path& path, const std::vector<GestureSam
   return {};
 }
 
-/// The median duration of a tick; 0 with fewer than two samples.
-double tickOf_s(const std::vector<GestureSample>& samples) {
-  std::vector<double> periods;
-  for (std::size_t i = 1; i < samples.size(); ++i)
-    periods.push_back(1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns) /
-                      static_cast<double>(samples[i].tick - samples[i - 1].tick));
-  return periods.empty() ? 0 : medianOf(std::move(periods));
-}
-
-/// A station's rate is a whole number of ticks per second, but its times are not exact.
-double wholeRate(double tick_s) {
-  constexpr double kOff = 5e-3;
-  if (!(tick_s > 0)) return 0;
-  const double rate_hz = std::round(1 / tick_s);
-  return rate_hz > 0 && std::abs(rate_hz * tick_s - 1) <= kOff ? rate_hz : 0;
-}
-
 /// A busy computer may stop the loop for so long; the recording still counts as complete.
 constexpr double kMaxMissed_s = 0.5;
 
@@ -160,7 +143,7 @@ Result<RecordedGesture> readRecordedGesture(const std::filesystem::path& path, D
   if (gesture.samples.empty()) return Error{ErrorCode::kInvalidInput, path.string() + ": has no samples"};
   RETURN_IF_ERROR(checkOrder(path, gesture.samples));
   const double tick_s = tickOf_s(gesture.samples);
-  if (gesture.rate_hz == 0) gesture.rate_hz = wholeRate(tick_s);
+  if (gesture.rate_hz == 0) gesture.rate_hz = wholeRate_hz(tick_s);
   if (is_csv) gesture.holes = holesOf(gesture.samples, tick_s);
   if (!gesture.holes.empty() && damaged == DamagedRecording::kRefuse)
     return Error{

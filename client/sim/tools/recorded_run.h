@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "client/device/recording/whole_recording.h"
 #include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/gesture/sample.h"
+#include "common/gesture/whole_recording.h"
 #include "common/haptics/body/given_paths.h"
 #include "common/haptics/engine.h"
 

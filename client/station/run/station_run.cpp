@@ -281,7 +281,10 @@ Status StationRun::practise() {
   // a recording that is played has no button for the cap
   settings.starts_capped = !options_.uncapped && device_->info().renders_force;
   settings.passivity = lesson_.passivity;
-  if (lesson_.model.body_spec) paths_ = std::make_unique<PathWorker>(lesson_.model);
+  if (lesson_.model.body_spec)
+    // below the loop's 80; without permission it keeps its normal priority, which matters only on a busy
+    // machine
+    paths_ = std::make_unique<PathWorker>(lesson_.model, [] { static_cast<void>(makeThreadRealTime(20)); });
   loop_ = std::make_unique<ServoLoop>(lesson_.model, *device_, clock, ring_, settings, paths_.get());
   logMessage("session " + session_->idText() + ": " + lesson_.profile.name() + ", " + device_->info().name);
 

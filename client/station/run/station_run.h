@@ -19,11 +19,11 @@
 #include "client/station/run/lesson/trainee_code.h"
 #include "client/station/run/lesson_observer.h"
 #include "client/station/run/loop/black_box.h"
-#include "client/station/run/loop/path_worker.h"
 #include "client/station/run/loop/servo_loop.h"
 #include "client/station/run/station.h"
 #include "client/station/run/summary.h"
 #include "common/base/result.h"
+#include "common/haptics/worker/path_worker.h"
 
 namespace needlelab {
 

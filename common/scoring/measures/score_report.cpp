@@ -8,9 +8,9 @@
 
 #include "common/base/range.h"
 #include "common/base/text/csv.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/time/clock.h"
 #include "common/haptics/scene_spec.h"
-#include "common/profile/strict_json.h"
 #include "common/scoring/measures/measure_groups.h"
 #include "common/scoring/measures/measure_table.h"
 #include "common/scoring/measures/measures.h"

@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/base/text/uuid.h"
-#include "common/profile/strict_json.h"
 #include "db/people/people.h"
 #include "db/people/person_name.h"
 #include "db/people/person_refs.h"

@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "common/base/bytes.h"
-#include "common/profile/strict_json.h"
+#include "common/base/text/strict_json.h"
 #include "db/backup/foreign_database.h"
 #include "db/backup/old_backups.h"
 

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "common/base/program.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/time/clock.h"
 #include "common/profile/profile.h"
-#include "common/profile/strict_json.h"
 #include "db/sessions/session_store.h"
 #include "db/teaching/documents.h"
 

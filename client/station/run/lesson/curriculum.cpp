@@ -12,8 +12,8 @@
 #include "client/station/run/io/station_key.h"
 #include "common/base/bytes.h"
 #include "common/base/files/files.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {

@@ -7,12 +7,12 @@
 #include <limits>
 #include <vector>
 
+#include "common/base/text/strict_json.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/effects/line_layers.h"
 #include "common/haptics/scene_model.h"
 #include "common/haptics/surface.h"
-#include "common/profile/strict_json.h"
 #include "common/scoring/measures/measures.h"
 #include "common/scoring/measures/syringe_events.h"
 

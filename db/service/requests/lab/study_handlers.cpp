@@ -9,11 +9,11 @@
 #include <set>
 
 #include "common/base/program.h"
+#include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
 #include "common/gesture/chunk.h"
 #include "common/haptics/body/path_snapshot.h"
 #include "common/haptics/cut_snapshot.h"
-#include "common/profile/strict_json.h"
 #include "db/audit/audit.h"
 #include "db/people/people.h"
 #include "db/people/person_refs.h"

@@ -3,8 +3,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/base/text/strict_json.h"
 #include "common/profile/profile.h"
-#include "common/profile/strict_json.h"
 #include "common/scoring/measures/measures.h"
 #include "db/store/schema.h"
 

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "client/station/run/loop/path_worker.h"
 #include "client/station/run/loop/servo_loop.h"
+#include "common/haptics/worker/path_worker.h"
 #include "tests/support/scenes/scenes.h"
 #include "tests/unit/client/station/run/loop/fake_loop.h"
 

@@ -19,6 +19,7 @@ struct ReadRecording {
   std::vector<GestureSample> samples;  ///< all that can be read, in the file's order
   std::vector<std::string> holes;      ///< each names ticks (from–to) and the reason; empty: it is whole
   double rate_hz = 0;                  ///< from its metadata; 0: not given
+  std::string metadata;                ///< JSON
   std::vector<Bytes> paths;            ///< lists of paths in a body (pathsIn), in the file's order
 };
 
@@ -45,6 +46,11 @@ Result<ReadRecording> readRecording(const std::filesystem::path& path,
 Result<std::vector<std::string>> readRecordingByChunk(
     const std::filesystem::path& path, DamagedRecording damaged,
     const std::function<Status(std::span<const GestureSample>)>& each);
+
+/// The median duration of a tick; 0 with fewer than two samples.
+double tickOf_s(std::span<const GestureSample> samples);
+/// A station's rate is a whole number of ticks per second, but its times are not exact; 0: it is none.
+double wholeRate_hz(double tick_s);
 
 /// Returns whether the file begins as a recording does; ignores its name.
 bool beginsAsRecording(const std::filesystem::path& path);

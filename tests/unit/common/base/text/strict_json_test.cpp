@@ -1,4 +1,4 @@
-#include "common/profile/strict_json.h"
+#include "common/base/text/strict_json.h"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,10 @@
-#include "client/device/recording/whole_recording.h"
+#include "common/gesture/whole_recording.h"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -11,9 +12,10 @@
 #include <string_view>
 #include <utility>
 
+#include "common/base/histogram.h"
+#include "common/base/text/strict_json.h"
 #include "common/gesture/chunk.h"
 #include "common/gesture/recording.h"
-#include "common/profile/strict_json.h"
 
 namespace needlelab {
 namespace {
@@ -190,6 +192,7 @@ Result<ReadRecording> readRecording(const std::filesystem::path& path, DamagedRe
   const auto rate = metadata.is_object() ? metadata.find("rate_hz") : metadata.end();
   if (rate != metadata.end() && rate->is_number()) read.rate_hz = rate->get<double>();
   if (!(read.rate_hz > 0)) read.rate_hz = 0;
+  read.metadata = reader.metadata();
   return read;
 }
 
@@ -199,6 +202,25 @@ Result<std::vector<std::string>> readRecordingByChunk(
   ASSIGN_OR_RETURN(const auto reader, RecordingReader::open(path));
   return readChunks(reader, path, damaged,
                     [&](std::span<const GestureSample> samples, ByteView) { return each(samples); });
+}
+
+double tickOf_s(std::span<const GestureSample> samples) {
+  std::vector<double> periods;
+  for (std::size_t i = 1; i < samples.size(); ++i)
+    if (samples[i].tick > samples[i - 1].tick)
+      periods.push_back(
+          1e-9 *
+          static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(samples[i].time_ns) -
+                                                        static_cast<std::uint64_t>(samples[i - 1].time_ns))) /
+          static_cast<double>(samples[i].tick - samples[i - 1].tick));
+  return periods.empty() ? 0 : medianOf(std::move(periods));
+}
+
+double wholeRate_hz(double tick_s) {
+  constexpr double kOff = 5e-3;
+  if (!(tick_s > 0)) return 0;
+  const double rate_hz = std::round(1 / tick_s);
+  return rate_hz > 0 && std::abs(rate_hz * tick_s - 1) <= kOff ? rate_hz : 0;
 }
 
 bool beginsAsRecording(const std::filesystem::path& path) {

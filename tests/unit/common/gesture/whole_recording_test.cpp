@@ -1,14 +1,14 @@
 // Damaged recordings: refused, or read with every gap listed.
-#include "client/device/recording/whole_recording.h"
+#include "common/gesture/whole_recording.h"
 
 #include <gmock/gmock.h>
 
 #include <limits>
 #include <span>
 
-#include "client/device/recording/recording_device.h"
 #include "common/base/files/files.h"
 #include "common/gesture/chunk.h"
+#include "common/gesture/pose_track.h"
 #include "common/gesture/recording.h"
 #include "tests/support/realtime/no_alloc.h"
 #include "tests/support/temp_folder.h"

@@ -1,17 +1,15 @@
-#include "client/station/run/loop/path_worker.h"
+#include "common/haptics/worker/path_worker.h"
 
 #include <memory>
-
-#include "client/station/run/loop/real_time.h"
+#include <utility>
 
 namespace needlelab {
-namespace {
 
-constexpr int kPriority = 20;  // SCHED_FIFO; the haptic loop has 80
-
-}  // namespace
-
-PathWorker::PathWorker(const SceneModel& body) : body_(body), thread_([this] { work(); }) {}
+PathWorker::PathWorker(const SceneModel& body, std::function<void()> at_start)
+    : body_(body), thread_([this, begin = std::move(at_start)] {
+        if (begin) begin();
+        work();
+      }) {}
 
 PathWorker::~PathWorker() {
   stop_.store(true, std::memory_order_relaxed);
@@ -25,8 +23,6 @@ void PathWorker::takeRetired() {
 }
 
 void PathWorker::work() {
-  // without permission it keeps its normal priority, which matters only on a busy machine
-  static_cast<void>(makeThreadRealTime(kPriority));
   PathAsk ask;
   while (!stop_.load(std::memory_order_relaxed)) {
     takeRetired();

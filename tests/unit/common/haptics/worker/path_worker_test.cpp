@@ -1,5 +1,5 @@
 /// Paths from another thread are those made in place.
-#include "client/station/run/loop/path_worker.h"
+#include "common/haptics/worker/path_worker.h"
 
 #include <gtest/gtest.h>
 

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <thread>
 
 #include "common/base/wait_free.h"
@@ -14,13 +15,13 @@ namespace needlelab {
 /// for.
 inline constexpr std::chrono::milliseconds kPathPoll{1};
 
-/// A thread below the haptic loop's priority, above ordinary work, that looks for questions and makes the
-/// paths. `ask`, `take` and `retire` are for one thread, the haptic thread, and are wait-free. Must outlive
-/// the engine that asks.
+/// A thread that looks for questions and makes the paths; its priority belongs below the haptic loop's, above
+/// ordinary work. `ask`, `take` and `retire` are for one thread, the haptic thread, and are wait-free. Must
+/// outlive the engine that asks.
 class PathWorker final : public PathMaker {
  public:
-  /// `body` must outlive the worker. Starts the thread.
-  explicit PathWorker(const SceneModel& body);
+  /// `body` must outlive the worker. Starts the thread, which calls `at_start` first: it sets its priority.
+  explicit PathWorker(const SceneModel& body, std::function<void()> at_start = {});
   ~PathWorker() override;
   PathWorker(const PathWorker&) = delete;
   PathWorker& operator=(const PathWorker&) = delete;
