@@ -21,7 +21,7 @@ constexpr double kSheetCells = 0.55, kTubeCells = 0.7;           // candidateOf
 constexpr double kThinnest_m = 2e-3, kMostGrown_m = 0.5e-3;
 constexpr double kFirstCell_m = 1.2e-3, kPiece_m = 0.04;  // of a structure: half of its first mesh's box
 constexpr double kMinCell_m = 0.6e-3, kMaxPartCell_m = 2.2e-3, kMaxCell_m = 4.5e-3;
-constexpr double kFarCoarse_m = 20e-3, kMinFarCell_m = 2.5e-3, kMaxFarCell_m = 13e-3;
+constexpr double kFarCoarse_m = 20e-3, kMinFarCell_m = 2.5e-3, kMaxFarCell_m = 9e-3;
 
 /// Half of the way through the body, straight in from the skin at the focus: half a limb's breadth.
 double halfBreadth_m(const SceneView& view) {

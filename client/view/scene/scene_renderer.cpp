@@ -260,9 +260,9 @@ bool SceneRenderer::draw(const SceneFrame& frame, int width_px, int height_px) {
   if (!parts.scene || width_px < 1 || height_px < 1) return false;
   std::vector<double> still = stillKey(*parts.scene, frame, width_px, height_px), moving = movingKey(frame);
   const bool still_changed = still != parts.still_key;
-  // fine picture when the camera rests
-  const bool turning = still_changed && parts.still_changed_before && parts.has_quick;
-  SceneBuffers& buffers = turning ? parts.quick : parts.fine;
+  // fine picture when the camera rests; a first one comes sooner in haste
+  const bool in_haste = still_changed && (parts.still_changed_before || !parts.shown) && parts.has_quick;
+  SceneBuffers& buffers = in_haste ? parts.quick : parts.fine;
   const bool limb_too = still_changed || parts.shown != &buffers;
   parts.still_changed_before = still_changed;
   if (!limb_too && moving == parts.moving_key) return false;
