@@ -34,6 +34,7 @@ class Piece:
     commands: tuple
     numbers: tuple = ()
     programs: tuple = ()
+    targets: tuple = ()  # built beside the programs, with a build of its own
     rows: str = ""  # the first heading of a table in Markdown that the commands print; its rows are kept
 
     def needs(self):
@@ -45,6 +46,7 @@ class Piece:
         return any("{fuzz}" in command for command in self.commands)
 
 
+LIBRARIES = ("needlelab", "needlelab-haptics")
 LAB = ("needlelab-admin", "needlelab-server", "needlelab-station")
 DURABILITY = ("needlelab-admin", "needlelab-durability-server", "needlelab-durability-station")
 CUTS = (Number("power cuts", r"runs, (\d+) cuts", "sum"), Number("disk states judged", r"(\d+) outcomes", "sum"),
@@ -138,9 +140,10 @@ PIECES = (
     Piece("packages", 20, "packages in a bare Debian 12: install, a lesson, upgrade, versions apart, remove, purge",
           ("{source}/tests/operations/live_packages {source} {build}",),
           (Number("checks", r"^ok: ", "count"), Number("MB for a server", r"^needlelab-server: (\S+) MB"), Number("MB for a lesson", r"^needlelab: (\S+) MB"),
-           Number("s from nothing to a scored lesson", r"scored lesson: (\d+) s")), (*LAB, "needlelab-instructor", "needlelab-sim")),
+           Number("s from nothing to a scored lesson", r"scored lesson: (\d+) s"), Number("values equal from Python", r"^(\d+) values equal those")),
+          (*LAB, "needlelab-instructor", "needlelab-sim"), (*LIBRARIES, "needlelab-python")),
     Piece("library-abi", 1, "the libraries have the interface that was committed",
-          ("{source}/tests/library/abi {build}",), (Number("functions", r"^lib\S+: (\d+) functions", "sum"),)),
+          ("{source}/tests/library/abi {build}",), (Number("functions", r"^lib\S+: (\d+) functions", "sum"),), targets=LIBRARIES),
     Piece("faculty", 3, "PostgreSQL as FACULTY.md says, on one machine and on three",
           ("{source}/tests/operations/live_faculty {source} {build}",), (Number("checks", r"^ok: ", "count"),),
           (*LAB, "needlelab-instructor")),

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""The Python module from installed files: python_test.py --build BUILD [--plots]
+"""The Python module from installed files: python_test.py [--build BUILD] [--plots]
 
 A run has the bits of `needlelab-sim run`, a score those of `needlelab-sim score`; the page's programs run (--plots: also those
-that draw)."""
+that draw). Without --build: of the packages."""
 import argparse
 import csv
 import ctypes
@@ -127,24 +127,28 @@ def page(folder, environment, plots):
         print(run("/usr/bin/python3", name, *arguments[name], cwd=folder, env=environment).strip())
 
 
+def installed(build, prefix):
+    """Installs a build's components, for this process and, by the environment returned, for others."""
+    for component in ("needlelab-haptics", "needlelab", "dev", "python"):
+        run("cmake", "--install", build, "--prefix", prefix, "--component", component)
+    packages = prefix / "lib/python3/dist-packages"
+    for library in ("libneedlelab-haptics.so.1", "libneedlelab.so.1"):
+        ctypes.CDLL(str(prefix / "lib" / library), ctypes.RTLD_GLOBAL)
+    sys.path.insert(0, str(packages))
+    return dict(os.environ, LD_LIBRARY_PATH=str(prefix / "lib"), PYTHONPATH=str(packages), PKG_CONFIG_PATH=str(prefix / "lib/pkgconfig"))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--build", type=pathlib.Path)
     parser.add_argument("--plots", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="needlelab_python_") as name:
         folder = pathlib.Path(name)
-        prefix = folder / "usr"
-        for component in ("needlelab-haptics", "needlelab", "dev", "python"):
-            run("cmake", "--install", options.build, "--prefix", prefix, "--component", component)
-        packages = prefix / "lib/python3/dist-packages"
-        environment = dict(os.environ, LD_LIBRARY_PATH=str(prefix / "lib"), PYTHONPATH=str(packages),
-                           PKG_CONFIG_PATH=str(prefix / "lib/pkgconfig"))
-        for library in ("libneedlelab-haptics.so.1", "libneedlelab.so.1"):
-            ctypes.CDLL(str(prefix / "lib" / library), ctypes.RTLD_GLOBAL)
-        sys.path.insert(0, str(packages))
+        environment, sim = dict(os.environ), "needlelab-sim"
+        if options.build:
+            sim, environment = options.build / "bin/needlelab-sim", installed(options.build, folder / "usr")
         import needlelab
-        sim = options.build / "bin/needlelab-sim"
         runs_as_the_program(needlelab, sim, folder)
         scores_as_the_program(needlelab, sim)
         laws(needlelab)
