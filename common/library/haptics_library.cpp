@@ -53,7 +53,7 @@ static_assert(NL_FREE == static_cast<int>(Phase::kFree) &&
               NL_STOPPED == static_cast<int>(Phase::kStopped) &&
               NL_WITHDRAWING == static_cast<int>(Phase::kWithdrawing));
 
-/// Up to the size that the caller knows; what it does not know is 0.
+/// The part that the caller knows; the rest is 0.
 template <typename T>
 T knownPart(const T& given) {
   T whole{};

@@ -1,4 +1,4 @@
-/// A law of the user's own in place of a scene's axial model.
+/// A law of the user's own instead of a scene's axial model.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
 /// A scene behind the C interface, as libneedlelab-haptics makes it and libneedlelab asks for it. Both are
-/// built together: what they share here is no interface for others.
+/// built together, so this is no interface for others.
 #pragma once
 
 #include <algorithm>

@@ -335,7 +335,7 @@ PYBIND11_MODULE(needlelab, module) {
   py::class_<Engine>(module, "Engine")
       .def("step", &Engine::step, "One tick at x, y, z, qx, qy, qz, qw: the force, in N.")
       .def_property_readonly("report", &Engine::report)
-      .def("copy", &Engine::copy, "A snapshot: another engine that goes on as this one would.");
+      .def("copy", &Engine::copy, "A snapshot: another engine that continues as this one would.");
   py::class_<Recording>(module, "Recording")
       .def_property_readonly("samples", &Recording::samples,
                              "An array over the recording's memory: its columns are views.")

@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
   nl_run(snapshot, poses + 7 * (n / 2), n - n / 2, force + 3 * (n / 2), NULL, 0);
   for (size_t i = 0; i < n; ++i)
     if (memcmp(force + 3 * i, reports[i].wrench.force_n, 3 * sizeof(double)) != 0)
-      return fprintf(stderr, "tick %zu: a snapshot goes on otherwise\n", i), 1;
+      return fprintf(stderr, "tick %zu: a snapshot continues otherwise\n", i), 1;
   if (nl_engine_hash(snapshot) != nl_engine_hash(engine)) return fprintf(stderr, "another hash\n"), 1;
 
   /* a device loop: nothing is allocated; what the gate admits is stepped as above while the paths are in time */

@@ -81,7 +81,7 @@ NL_API double nl_scene_stiffness_n_per_m(const nl_scene* scene);
 /// How deep a point is under the skin; negative outside.
 NL_API double nl_scene_depth_m(const nl_scene* scene, const double p_m[3]);
 
-// ---- a law of your own along the needle, in place of the scene's axial model
+// ---- a law of your own along the needle, instead of the scene's axial model
 
 typedef struct {
   double x_m;          ///< along the trajectory, from the entry
