@@ -19,9 +19,6 @@
 
 #include "client/device/hand/hand_plan.h"
 #include "common/base/files/files.h"
-#include "common/base/histogram.h"
-#include "common/base/time/clock.h"
-#include "common/haptics/body/path_stack.h"
 #include "common/haptics/surface.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
@@ -73,23 +70,6 @@ double depthOf(const SceneSpec& scene, double room_m) {
   return std::min({depth_m, 0.9 * scene.needle_length_m, room_m});
 }
 
-// what a tick runs on: in a body, the path that begins where the measuring gesture does
-Result<SceneModel> modelToStep(const SceneSpec& scene, double rate_hz) {
-  ASSIGN_OR_RETURN(SceneModel model, compile(scene, rate_hz));
-  if (!std::holds_alternative<BodyLimb>(scene.limb)) return model;
-  const Site site = siteOn(scene.limb);
-  PathAsk ask;
-  ask.p_tip_W_m = site.p_surface_m - site.inward * 1e-3;
-  ask.axis_W = site.inward;
-  PathLayers path;
-  std::unique_ptr<PathStack> stack = findPath(model, ask, path) ? compilePath(model, path) : nullptr;
-  if (stack == nullptr)
-    return Error{ErrorCode::kInvalidInput,
-                 "volume: no needle goes in where its skin is nearest to the origin of L, where costs are "
-                 "measured"};
-  return std::move(stack->model);
-}
-
 // share of the way at `t` seconds: in, hold, out
 double shareAt(double t) {
   if (t < kMove_s) return shareOfWay(Motion::kMinJerk, t / kMove_s);
@@ -122,66 +102,6 @@ std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) 
 
 TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture)
     : model_(model), gesture_(gesture), state_(std::make_unique<SimState>()) {}
-
-namespace {
-
-constexpr std::size_t kBatchTicks = 64;
-constexpr std::size_t kMinBatches = 3;
-
-// the scene with one set of effects, and the durations of its batches
-struct Variant {
-  std::unique_ptr<SceneModel> model;
-  std::unique_ptr<TickRun> run;
-  std::vector<double> batch_ns = {};  ///< per tick
-};
-
-}  // namespace
-
-Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s) {
-  const std::int64_t until_ns = steadyNowNs() + static_cast<std::int64_t>(budget_s * 1e9);
-  const auto whole = modelToStep(scene, rate_hz);
-  if (!whole.ok()) return whole.error();
-  const auto gesture = measuringGesture(scene, rate_hz);
-
-  // the first one has all effects
-  EffectCosts costs;
-  std::vector<Variant> variants;
-  const auto add = [&](EffectMask effects) -> Status {
-    SceneSpec some = scene;
-    some.effects = effects;
-    auto model = modelToStep(some, rate_hz);
-    if (!model.ok()) return model.error();
-    Variant variant{std::make_unique<SceneModel>(*std::move(model)), nullptr};
-    variant.run = std::make_unique<TickRun>(*variant.model, gesture);
-    variants.push_back(std::move(variant));
-    return {};
-  };
-  if (auto status = add(whole->live); !status.ok()) return status.error();
-  for (std::size_t i = 0; i < kEffectCount; ++i) {
-    const auto effect = static_cast<Effect>(i);
-    // PALPATION has ticks of its own
-    if (!whole->isLive(effect) || (bitOf(effect) & kNeedleEffects) == 0) continue;
-    if (auto status = add(whole->live & ~bitOf(effect)); !status.ok()) return status.error();
-    costs.effects.push_back({effect, 0});
-  }
-
-  // run one batch of each in turn; the first round only warms up
-  for (std::size_t round = 0; round <= kMinBatches || steadyNowNs() < until_ns; ++round)
-    for (Variant& variant : variants) {
-      const std::int64_t from_ns = steadyNowNs();
-      for (std::size_t i = 0; i < kBatchTicks; ++i) variant.run->tick();
-      const auto took_ns = static_cast<double>(steadyNowNs() - from_ns) - clockCost_ns();
-      if (round > 0) variant.batch_ns.push_back(std::max(0.0, took_ns) / kBatchTicks);
-    }
-
-  costs.tick_ns = medianOf(variants.front().batch_ns);
-  for (std::size_t i = 0; i < costs.effects.size(); ++i) {
-    std::vector<double> more_ns = variants.front().batch_ns;
-    for (std::size_t b = 0; b < more_ns.size(); ++b) more_ns[b] -= variants[i + 1].batch_ns[b];
-    costs.effects[i].ns = medianOf(std::move(more_ns));
-  }
-  return costs;
-}
 
 namespace {
 

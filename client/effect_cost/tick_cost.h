@@ -1,5 +1,4 @@
-/// The cost of a tick and of its effects: steps a scene through a prepared gesture, and measures time and
-/// instructions.
+/// The cost of a tick: steps a scene through a prepared gesture, and counts instructions.
 #pragma once
 
 #include <cstddef>
@@ -41,24 +40,6 @@ class TickRun {
   StepReport report_;
   std::size_t next_ = 0;
 };
-
-// --- what each live effect of a scene costs, on this machine, now
-
-struct EffectCost {
-  Effect effect = Effect::kCutting;
-  double ns = 0;  ///< cost of a tick with the effect minus one without it, other effects live; noise can make
-                  ///< it slightly negative
-};
-
-struct EffectCosts {
-  double tick_ns = 0;               ///< cost with all of the scene's live effects
-  std::vector<EffectCost> effects;  ///< the live ones, in the order of Effect
-};
-
-/// Measures the scene with all of its live effects and without each in turn, in interleaved batches, so that
-/// a slow moment of the machine affects all variants; returns medians of the batches' differences. Takes
-/// about `budget_s`. Errors: as `compile`. Thread: any but the haptic one, before it runs.
-Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s = 0.04);
 
 // --- instructions, counted by valgrind's callgrind: the same on every run of the same binary, unlike time
 
