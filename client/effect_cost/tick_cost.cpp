@@ -70,6 +70,20 @@ double depthOf(const SceneSpec& scene, double room_m) {
   return std::min({depth_m, 0.9 * scene.needle_length_m, room_m});
 }
 
+// a hand does not press the needle through a body's bone: a little behind where the tip meets it, or 1
+double roomBeforeBone_m(const SceneSpec& scene, const Site& site, double rate_hz) {
+  constexpr double kStep_m = 1e-4, kBehind_m = 5e-4;
+  const auto model = compile(scene, rate_hz);
+  if (!std::holds_alternative<BodyLimb>(scene.limb) || !model.ok()) return 1;
+  SceneEngine engine(*model);
+  StepReport report;
+  for (double in_m = -1e-3; in_m < scene.needle_length_m; in_m += kStep_m) {
+    engine.step({site.p_surface_m + site.inward * in_m, orientationAlong(site.inward)}, report);
+    if (engine.state().bone.touching) return in_m + kBehind_m;
+  }
+  return 1;
+}
+
 // share of the way at `t` seconds: in, hold, out
 double shareAt(double t) {
   if (t < kMove_s) return shareOfWay(Motion::kMinJerk, t / kMove_s);
@@ -81,7 +95,7 @@ double shareAt(double t) {
 
 std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) {
   const Site site = siteOn(scene.limb);
-  const double depth_m = depthOf(scene, site.room_m);
+  const double depth_m = std::min(depthOf(scene, site.room_m), roomBeforeBone_m(scene, site, rate_hz));
   const Quat q = orientationAlong(site.inward);
   const Vec3 aside = rotate(q, Vec3{1, 0, 0});
   const auto ticks = static_cast<std::size_t>((2 * kMove_s + kHold_s) * rate_hz);
@@ -100,8 +114,71 @@ std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) 
   return gesture;
 }
 
-TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture)
-    : model_(model), gesture_(gesture), state_(std::make_unique<SimState>()) {}
+// Hands out copies of the paths that were found in the first gesture.
+class TickRun::Paths final : public PathMaker {
+ public:
+  explicit Paths(const SceneModel& body) : in_place_(body) {}
+  void rewind() {
+    replays_ = true;
+    next_ = 0;
+    given_.clear();
+    for (const auto& path : found_) given_.push_back(path ? std::make_unique<PathStack>(*path) : nullptr);
+  }
+  void ask(const PathAsk& ask) noexcept override {
+    if (!replays_) in_place_.ask(ask);
+  }
+  bool take(PathStack*& made) noexcept override {
+    if (replays_) {
+      made = next_ < given_.size() ? given_[next_++].get() : nullptr;
+      return true;
+    }
+    const bool answers = in_place_.take(made);
+    found_.push_back(made != nullptr ? std::make_unique<PathStack>(*made) : nullptr);
+    return answers;
+  }
+  void retire(PathStack* path) noexcept override {
+    if (!replays_) in_place_.retire(path);
+  }
+
+ private:
+  PathsInPlace in_place_;
+  bool replays_ = false;
+  std::vector<std::unique_ptr<PathStack>> found_, given_;
+  std::size_t next_ = 0;
+};
+
+TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture, bool capped)
+    : model_(model),
+      gesture_(gesture),
+      capped_(capped),
+      paths_(model.body_spec ? std::make_unique<Paths>(model) : nullptr) {
+  begin();
+  if (!paths_) return;
+  for (const TipSample& sample : gesture_) engine_->step(sample, report_);
+  beginAgain();
+}
+
+TickRun::~TickRun() = default;
+
+void TickRun::begin() {
+  engine_ = std::make_unique<SceneEngine>(model_, paths_.get());
+  if (!capped_) return;
+  // the ball under the cap comes from outside
+  constexpr double kOutside_m = 0.02;
+  constexpr int kTicks = 40;
+  engine_->wantCap(true);
+  const TipSample& first = gesture_.front();
+  for (int k = kTicks; k > 0; --k)
+    engine_->step({first.p_WT_m - zAxis(first.q_WT) * (kOutside_m * k / kTicks), first.q_WT}, report_);
+}
+
+void TickRun::beginAgain() {
+  next_ = 0;
+  if (!paths_) return;
+  engine_ = nullptr;  // it gives its path back
+  paths_->rewind();
+  begin();
+}
 
 namespace {
 

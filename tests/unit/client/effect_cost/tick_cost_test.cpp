@@ -7,6 +7,8 @@
 #include <memory>
 #include <set>
 
+#include "common/haptics/effects/effect_entry.h"
+#include "tests/support/anatomy/bodies.h"
 #include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
@@ -80,6 +82,41 @@ TEST(TickRun, repeatsTheGesture) {
       deepest_m = std::max(deepest_m, run.report().insertion_m);
     }
   EXPECT_GT(deepest_m, 0.01) << "the gesture goes somewhere";
+}
+
+// paths that were found before are those that the engine finds itself, in the first gesture and in the next
+TEST(TickRun, inABodyStepsOnItsPathsAsTheEngineDoes) {
+  const SceneSpec scene = sceneIn(slabOfTissue());
+  const SceneModel model = *compile(scene, 1000);
+  const auto gesture = measuringGesture(scene, 1000);
+  TickRun run(model, gesture);
+  for (int round = 0; round < 2; ++round) {
+    SceneEngine engine(model);
+    StepReport expected;
+    double greatest_N = 0;
+    for (std::size_t k = 0; k < gesture.size(); ++k) {
+      engine.step(gesture[k], expected);
+      run.tick();
+      ASSERT_EQ(run.report().wrench_W.force_N.z, expected.wrench_W.force_N.z) << round << ", tick " << k;
+      ASSERT_EQ(run.report().flags, expected.flags);
+      greatest_N = std::max(greatest_N, norm(expected.wrench_W.force_N));
+    }
+    EXPECT_GT(greatest_N, 0.1) << "the model of the body alone has no force";
+  }
+}
+
+TEST(TickRun, hasTheCapOnWhereItIsAskedFor) {
+  SceneSpec scene = allEffects();
+  useUsualNumbers(effectEntry(Effect::kPalpation), scene);
+  scene.effects = bitOf(Effect::kPalpation);
+  const SceneModel model = *compile(scene, 1000);
+  const auto gesture = measuringGesture(scene, 1000);
+  for (const bool capped : {false, true}) {
+    TickRun run(model, gesture, capped);
+    for (std::size_t k = 0; k < gesture.size() / 2; ++k) run.tick();
+    EXPECT_EQ((run.report().flags & kFlagCapped) != 0, capped);
+    EXPECT_EQ(norm(run.report().wrench_W.force_N) > 0, capped) << "no other effect is live";
+  }
 }
 
 }  // namespace
