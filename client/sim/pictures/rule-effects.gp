@@ -1,12 +1,12 @@
-# What each effect adds to a tick; an effect that the scene does not list adds nothing.
+# What each effect adds to a tick in the six layers; an effect that the scene does not list adds nothing.
 load 'rule.gp'
 csv = folder.'/effects_marginal.csv'
 set title 'Only what a scene lists is computed' offset -7,0
 set xlabel 'added to a tick [instructions]'
 set lmargin 17; set rmargin 5
 set yrange [9.6:-0.6]
-set xrange [0:550]
-set xtics 200
+set xrange [0:1100]
+set xtics 400
 unset grid
 set grid x
 set boxwidth 0.6
