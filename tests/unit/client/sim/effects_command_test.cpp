@@ -237,7 +237,8 @@ TEST(EffectsCommand, countsTheTicksOfABodyOnItsPathAndOfTheCap) {
                               file + " > /dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
   std::map<std::set<std::string>, double> counted;
-  for (const auto& row : nlohmann::json::parse(std::ifstream(file))["rows"]) {
+  const auto rows = nlohmann::json::parse(std::ifstream(file))["rows"];
+  for (const auto& row : rows) {
     const auto names = row["effects"].get<std::vector<std::string>>();
     counted[{names.begin(), names.end()}] = row["instructions"];
   }
