@@ -13,11 +13,11 @@
 #include <system_error>
 
 #include "client/sim/benchmark/benchmark.h"
-#include "client/sim/benchmark/curve_set.h"
 #include "client/sim/command.h"
 #include "client/sim/tools/gnuplot.h"
 #include "common/base/files/files.h"
 #include "common/base/program.h"
+#include "common/curves/curve_set.h"
 
 namespace needlelab {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "client/sim/accuracy/closed_form.h"
 #include "client/sim/accuracy/row.h"
-#include "client/sim/benchmark/curve_set.h"
 #include "common/base/result.h"
+#include "common/curves/curve_set.h"
 #include "common/fem/needle_study.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/models/like_for_like.h"

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "client/sim/benchmark/curve_set.h"
 #include "client/sim/curves/depth_curve.h"
+#include "common/curves/curve_set.h"
 
 namespace needlelab {
 

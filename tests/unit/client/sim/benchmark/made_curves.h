@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/device/hand/hand.h"
-#include "client/sim/benchmark/curve_set.h"
+#include "common/curves/curve_set.h"
 
 namespace needlelab::test {
 

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/curve_zero.h"
+#include "common/curves/curve_zero.h"
 
 #include <algorithm>
 #include <cmath>

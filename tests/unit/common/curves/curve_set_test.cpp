@@ -1,5 +1,5 @@
 // Force curves from untrusted files.
-#include "client/sim/benchmark/curve_set.h"
+#include "common/curves/curve_set.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,14 +1,16 @@
-/// A set of recorded force curves from a folder: CSV files and facts about them (README.md has the format).
-/// Files are not trusted.
+/// A set of recorded force curves from a folder: CSV files and facts about them
+/// (common/python/examples/FIT.md has the format). Files are not trusted.
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "client/sim/benchmark/force_curve.h"
 #include "common/base/result.h"
+#include "common/curves/curve_phases.h"
+#include "common/curves/force_curve.h"
 
 namespace needlelab {
 
@@ -23,11 +25,29 @@ struct CurveSet {
 /// the same numbers count once. Facts about them come from their columns, from `description` (a file), or, if
 /// that is empty, from the folder's data_set.json or a built-in description (known/). A file that no
 /// description names and that lacks a column is omitted with a note. Errors (kInvalidInput) name file, line,
-/// column or field, value, and the allowed values: everything that README.md rejects; a missing described
+/// column or field, value, and the allowed values: everything that FIT.md rejects; a missing described
 /// file; no curves at all.
 Result<CurveSet> readCurveSet(const std::filesystem::path& folder,
                               const std::filesystem::path& description = {},
                               const CurveReading& reading = {});
+
+/// How to read a folder, as programs in other languages say it.
+struct CurveOptions {
+  std::filesystem::path description;
+  CurveReading reading;
+};
+/// A JSON object with any of `describe` (a file), `encoding`, `lines_above`, `force_unit` ("N", "mN", "gf",
+/// "kgf"), `negate` (a list of "depth", "force"), `tare`, `digitised`. Errors (kInvalidInput) name field,
+/// value and the allowed values.
+Result<CurveOptions> parseCurveOptions(std::string_view json);
+
+/// All rows of a curve one after the other: in, at rest, out.
+struct CurveColumns {
+  std::vector<double> depth_m, force_N;
+  std::vector<double> t_s;  ///< since the first row, at the curve's mean speeds
+  std::vector<CurvePhase> phase;
+};
+CurveColumns columnsOf(const ForceCurve& curve);
 
 // --- one CSV file of force curves, with the phases of each; not trusted
 

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/curve_set.h"
+#include "common/curves/curve_set.h"
 
 #include <fmt/core.h>
 
@@ -12,13 +12,13 @@
 #include <tuple>
 #include <utility>
 
-#include "client/sim/benchmark/curve_phases.h"
-#include "client/sim/benchmark/curve_zero.h"
 #include "common/base/files/files.h"
 #include "common/base/plausible.h"
 #include "common/base/range.h"
 #include "common/base/text/csv_rows.h"
 #include "common/base/text/text.h"
+#include "common/curves/curve_phases.h"
+#include "common/curves/curve_zero.h"
 
 namespace needlelab {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "client/sim/benchmark/curve_phases.h"
+#include "common/curves/curve_phases.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/curve_set.h"
+#include "common/curves/curve_set.h"
 
 #include <fmt/core.h>
 
@@ -15,12 +15,12 @@
 #include <tuple>
 #include <utility>
 
-#include "client/sim/benchmark/curve_phases.h"
 #include "common/base/files/files.h"
 #include "common/base/plausible.h"
 #include "common/base/program.h"
 #include "common/base/text/strict_json.h"
 #include "common/base/text/text.h"
+#include "common/curves/curve_phases.h"
 
 namespace needlelab {
 

@@ -1,4 +1,4 @@
-#include "client/sim/benchmark/curve_phases.h"
+#include "common/curves/curve_phases.h"
 
 #include <fmt/core.h>
 

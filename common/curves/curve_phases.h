@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "client/sim/benchmark/force_curve.h"
 #include "common/base/result.h"
+#include "common/curves/force_curve.h"
 
 namespace needlelab {
 
