@@ -19,9 +19,6 @@
 
 #include "client/device/hand/hand_plan.h"
 #include "common/base/files/files.h"
-#include "common/base/histogram.h"
-#include "common/base/time/clock.h"
-#include "common/haptics/body/path_stack.h"
 #include "common/haptics/surface.h"
 
 extern char** environ;  // POSIX: the environment that the child gets
@@ -73,21 +70,18 @@ double depthOf(const SceneSpec& scene, double room_m) {
   return std::min({depth_m, 0.9 * scene.needle_length_m, room_m});
 }
 
-// what a tick runs on: in a body, the path that begins where the measuring gesture does
-Result<SceneModel> modelToStep(const SceneSpec& scene, double rate_hz) {
-  ASSIGN_OR_RETURN(SceneModel model, compile(scene, rate_hz));
-  if (!std::holds_alternative<BodyLimb>(scene.limb)) return model;
-  const Site site = siteOn(scene.limb);
-  PathAsk ask;
-  ask.p_tip_W_m = site.p_surface_m - site.inward * 1e-3;
-  ask.axis_W = site.inward;
-  PathLayers path;
-  std::unique_ptr<PathStack> stack = findPath(model, ask, path) ? compilePath(model, path) : nullptr;
-  if (stack == nullptr)
-    return Error{ErrorCode::kInvalidInput,
-                 "volume: no needle goes in where its skin is nearest to the origin of L, where costs are "
-                 "measured"};
-  return std::move(stack->model);
+// a hand does not press the needle through a body's bone: a little behind where the tip meets it, or 1
+double roomBeforeBone_m(const SceneSpec& scene, const Site& site, double rate_hz) {
+  constexpr double kStep_m = 1e-4, kBehind_m = 5e-4;
+  const auto model = compile(scene, rate_hz);
+  if (!std::holds_alternative<BodyLimb>(scene.limb) || !model.ok()) return 1;
+  SceneEngine engine(*model);
+  StepReport report;
+  for (double in_m = -1e-3; in_m < scene.needle_length_m; in_m += kStep_m) {
+    engine.step({site.p_surface_m + site.inward * in_m, orientationAlong(site.inward)}, report);
+    if (engine.state().bone.touching) return in_m + kBehind_m;
+  }
+  return 1;
 }
 
 // share of the way at `t` seconds: in, hold, out
@@ -101,7 +95,7 @@ double shareAt(double t) {
 
 std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) {
   const Site site = siteOn(scene.limb);
-  const double depth_m = depthOf(scene, site.room_m);
+  const double depth_m = std::min(depthOf(scene, site.room_m), roomBeforeBone_m(scene, site, rate_hz));
   const Quat q = orientationAlong(site.inward);
   const Vec3 aside = rotate(q, Vec3{1, 0, 0});
   const auto ticks = static_cast<std::size_t>((2 * kMove_s + kHold_s) * rate_hz);
@@ -120,67 +114,70 @@ std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) 
   return gesture;
 }
 
-TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture)
-    : model_(model), gesture_(gesture), state_(std::make_unique<SimState>()) {}
+// Hands out copies of the paths that were found in the first gesture.
+class TickRun::Paths final : public PathMaker {
+ public:
+  explicit Paths(const SceneModel& body) : in_place_(body) {}
+  void rewind() {
+    replays_ = true;
+    next_ = 0;
+    given_.clear();
+    for (const auto& path : found_) given_.push_back(path ? std::make_unique<PathStack>(*path) : nullptr);
+  }
+  void ask(const PathAsk& ask) noexcept override {
+    if (!replays_) in_place_.ask(ask);
+  }
+  bool take(PathStack*& made) noexcept override {
+    if (replays_) {
+      made = next_ < given_.size() ? given_[next_++].get() : nullptr;
+      return true;
+    }
+    const bool answers = in_place_.take(made);
+    found_.push_back(made != nullptr ? std::make_unique<PathStack>(*made) : nullptr);
+    return answers;
+  }
+  void retire(PathStack* path) noexcept override {
+    if (!replays_) in_place_.retire(path);
+  }
 
-namespace {
-
-constexpr std::size_t kBatchTicks = 64;
-constexpr std::size_t kMinBatches = 3;
-
-// the scene with one set of effects, and the durations of its batches
-struct Variant {
-  std::unique_ptr<SceneModel> model;
-  std::unique_ptr<TickRun> run;
-  std::vector<double> batch_ns = {};  ///< per tick
+ private:
+  PathsInPlace in_place_;
+  bool replays_ = false;
+  std::vector<std::unique_ptr<PathStack>> found_, given_;
+  std::size_t next_ = 0;
 };
 
-}  // namespace
+TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture, bool capped)
+    : model_(model),
+      gesture_(gesture),
+      capped_(capped),
+      paths_(model.body_spec ? std::make_unique<Paths>(model) : nullptr) {
+  begin();
+  if (!paths_) return;
+  for (const TipSample& sample : gesture_) engine_->step(sample, report_);
+  beginAgain();
+}
 
-Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s) {
-  const std::int64_t until_ns = steadyNowNs() + static_cast<std::int64_t>(budget_s * 1e9);
-  const auto whole = modelToStep(scene, rate_hz);
-  if (!whole.ok()) return whole.error();
-  const auto gesture = measuringGesture(scene, rate_hz);
+TickRun::~TickRun() = default;
 
-  // the first one has all effects
-  EffectCosts costs;
-  std::vector<Variant> variants;
-  const auto add = [&](EffectMask effects) -> Status {
-    SceneSpec some = scene;
-    some.effects = effects;
-    auto model = modelToStep(some, rate_hz);
-    if (!model.ok()) return model.error();
-    Variant variant{std::make_unique<SceneModel>(*std::move(model)), nullptr};
-    variant.run = std::make_unique<TickRun>(*variant.model, gesture);
-    variants.push_back(std::move(variant));
-    return {};
-  };
-  if (auto status = add(whole->live); !status.ok()) return status.error();
-  for (std::size_t i = 0; i < kEffectCount; ++i) {
-    const auto effect = static_cast<Effect>(i);
-    // PALPATION has ticks of its own
-    if (!whole->isLive(effect) || (bitOf(effect) & kNeedleEffects) == 0) continue;
-    if (auto status = add(whole->live & ~bitOf(effect)); !status.ok()) return status.error();
-    costs.effects.push_back({effect, 0});
-  }
+void TickRun::begin() {
+  engine_ = std::make_unique<SceneEngine>(model_, paths_.get());
+  if (!capped_) return;
+  // the ball under the cap comes from outside
+  constexpr double kOutside_m = 0.02;
+  constexpr int kTicks = 40;
+  engine_->wantCap(true);
+  const TipSample& first = gesture_.front();
+  for (int k = kTicks; k > 0; --k)
+    engine_->step({first.p_WT_m - zAxis(first.q_WT) * (kOutside_m * k / kTicks), first.q_WT}, report_);
+}
 
-  // run one batch of each in turn; the first round only warms up
-  for (std::size_t round = 0; round <= kMinBatches || steadyNowNs() < until_ns; ++round)
-    for (Variant& variant : variants) {
-      const std::int64_t from_ns = steadyNowNs();
-      for (std::size_t i = 0; i < kBatchTicks; ++i) variant.run->tick();
-      const auto took_ns = static_cast<double>(steadyNowNs() - from_ns) - clockCost_ns();
-      if (round > 0) variant.batch_ns.push_back(std::max(0.0, took_ns) / kBatchTicks);
-    }
-
-  costs.tick_ns = medianOf(variants.front().batch_ns);
-  for (std::size_t i = 0; i < costs.effects.size(); ++i) {
-    std::vector<double> more_ns = variants.front().batch_ns;
-    for (std::size_t b = 0; b < more_ns.size(); ++b) more_ns[b] -= variants[i + 1].batch_ns[b];
-    costs.effects[i].ns = medianOf(std::move(more_ns));
-  }
-  return costs;
+void TickRun::beginAgain() {
+  next_ = 0;
+  if (!paths_) return;
+  engine_ = nullptr;  // it gives its path back
+  paths_->rewind();
+  begin();
 }
 
 namespace {

@@ -1,5 +1,4 @@
-/// The cost of a tick and of its effects: steps a scene through a prepared gesture, and measures time and
-/// instructions.
+/// The cost of a tick: steps a scene through a prepared gesture, and counts instructions.
 #pragma once
 
 #include <cstddef>
@@ -10,55 +9,50 @@
 
 #include "common/base/result.h"
 #include "common/base/time/clock.h"
+#include "common/haptics/body/body_engine.h"
 #include "common/haptics/engine.h"
 #include "common/haptics/scene_spec.h"
 
 namespace needlelab {
 
-/// Returns a gesture through all of the scene's layers: in within 1 s, a hold of 0.4 s, out within 1 s, with
-/// tremor and an offset of 0.2 mm from the straight line, the needle along the surface normal. Ticks at
-/// `rate_hz`; only the first one is outside the tissue, so that the gesture can repeat.
+/// Returns a gesture through all of the scene's layers, in a body to its first bone: in within 1 s, a hold of
+/// 0.4 s, out within 1 s, with tremor and an offset of 0.2 mm from the straight line, the needle along the
+/// surface normal. Ticks at `rate_hz`; only the first one is outside the tissue, so that the gesture can
+/// repeat.
 std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz);
 
-/// Steps `model` through the gesture repeatedly. Thread: one.
+/// Steps `model` through the gesture repeatedly, as the station steps it. In a body the paths are made
+/// before: finding them is another thread's work; each gesture begins with a new engine. Thread: one.
 class TickRun {
  public:
-  /// Both must outlive the run; `gesture` has at least one sample.
-  TickRun(const SceneModel& model, const std::vector<TipSample>& gesture);
+  /// Both must outlive the run; `gesture` has at least one sample. `capped`: with the cap on, in a scene with
+  /// PALPATION.
+  TickRun(const SceneModel& model, const std::vector<TipSample>& gesture, bool capped = false);
+  ~TickRun();
+  TickRun(const TickRun&) = delete;
+  TickRun& operator=(const TickRun&) = delete;
 
   void tick() {
-    step(model_, gesture_[next_], *state_, report_);
+    engine_->step(gesture_[next_], report_);
     keep(report_);
-    if (++next_ == gesture_.size()) next_ = 0;
+    if (++next_ == gesture_.size()) beginAgain();
   }
   /// The report of the last tick.
   [[nodiscard]] const StepReport& report() const { return report_; }
 
  private:
+  class Paths;
+  void begin();
+  void beginAgain();
+
   const SceneModel& model_;
   const std::vector<TipSample>& gesture_;
-  std::unique_ptr<SimState> state_;
+  bool capped_;
+  std::unique_ptr<Paths> paths_;  // null where there is no body
+  std::unique_ptr<SceneEngine> engine_;
   StepReport report_;
   std::size_t next_ = 0;
 };
-
-// --- what each live effect of a scene costs, on this machine, now
-
-struct EffectCost {
-  Effect effect = Effect::kCutting;
-  double ns = 0;  ///< cost of a tick with the effect minus one without it, other effects live; noise can make
-                  ///< it slightly negative
-};
-
-struct EffectCosts {
-  double tick_ns = 0;               ///< cost with all of the scene's live effects
-  std::vector<EffectCost> effects;  ///< the live ones, in the order of Effect
-};
-
-/// Measures the scene with all of its live effects and without each in turn, in interleaved batches, so that
-/// a slow moment of the machine affects all variants; returns medians of the batches' differences. Takes
-/// about `budget_s`. Errors: as `compile`. Thread: any but the haptic one, before it runs.
-Result<EffectCosts> calibrateEffects(const SceneSpec& scene, double rate_hz, double budget_s = 0.04);
 
 // --- instructions, counted by valgrind's callgrind: the same on every run of the same binary, unlike time
 

@@ -1,4 +1,4 @@
-/// `needlelab-sim accuracy`: four comparators and the cost of a tick, as table, JSON, CSV and picture.
+/// `needlelab-sim accuracy`: the comparators and the cost of a tick, as table, JSON, CSV and picture.
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
@@ -25,7 +25,7 @@ namespace {
 struct AccuracyCommand {
   JsonOption json;
   std::filesystem::path out;
-  std::vector<std::string> studies;  // empty = all
+  std::vector<std::string> studies = {"verification", "refinement"};
   bool long_form = false;
   bool no_instructions = false, count_only = false;
   double loop_s = 1.5;  // of each model, in each round
@@ -45,8 +45,8 @@ Result<std::filesystem::path> dataFolder(const AccuracyCommand& command) {
 }
 
 bool wanted(const AccuracyCommand& command, Comparator comparator) {
-  return command.studies.empty() || std::find(command.studies.begin(), command.studies.end(),
-                                              textOf(comparator).name) != command.studies.end();
+  return std::find(command.studies.begin(), command.studies.end(), textOf(comparator).name) !=
+         command.studies.end();
 }
 
 // On a terminal, one line with the part, its share and the time since the start. Otherwise one line per part,
@@ -112,11 +112,9 @@ Status writeFiles(const std::filesystem::path& folder, const AccuracyRows& rows)
                  "gnuplot-nox)\n");
     return {};
   }
-  AccuracyPicture picture = accuracyPicture(rows);
-  const auto data = folder / "accuracy.dat";
-  RETURN_IF_ERROR(writeFileAtomically(data, viewOf(picture.data)));
-  picture.variables.emplace_back("data", data.string());
-  return drawPlot("accuracy", folder / "accuracy.png", picture.variables);
+  auto variables = accuracyPicture(rows);
+  variables.emplace_back("csv", (folder / "accuracy.csv").string());
+  return drawPlot("accuracy", folder / "accuracy.png", variables);
 }
 
 void print(const AccuracyRows& rows) {
@@ -183,11 +181,12 @@ void addAccuracyCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<AccuracyCommand>();
   std::vector<std::string> names;
   for (const AccuracyStudy& study : accuracyStudies()) names.emplace_back(textOf(study.comparator).name);
-  CLI::App* command = app.add_subcommand(
-      "accuracy", "How accurate each model is, by four comparators, and what its tick costs the station");
+  CLI::App* command =
+      app.add_subcommand("accuracy", "What accuracy costs: the error of each model, and its price in time");
   addJsonOption(*command, options->json);
   command->add_option("--out", options->out, "folder for accuracy.csv and accuracy.png; created if missing");
-  command->add_option("--study", options->studies, "only this comparator; may be given several times")
+  command->add_option("--study", options->studies, "this comparator; may be given several times")
+      ->capture_default_str()
       ->check(CLI::IsMember(names));
   command->add_flag("--long", options->long_form, "more gestures, a finer mesh, longer loops: minutes");
   command->add_flag("--no-instructions", options->no_instructions,

@@ -1,4 +1,4 @@
-/// `needlelab-sim effects`: the cost of each set of live effects.
+/// `needlelab-sim effects`: what each live effect adds to a tick.
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
@@ -48,7 +48,8 @@ nlohmann::ordered_json rowsOf(const std::vector<EffectSetCost>& sets) {
   const auto rounded = [](double ns) { return std::round(ns * 100) / 100; };
   for (const EffectSetCost& set : sets)
     rows.push_back(
-        {{"effects", effectNames(set.effects)},
+        {{"scene", set.scene},
+         {"effects", effectNames(set.effects)},
          {"median_ns", rounded(set.timing.median_ns)},
          {"p99_ns", rounded(set.timing.p99_ns)},
          {"instructions", set.instructions ? nlohmann::ordered_json(std::round(*set.instructions * 10) / 10)
@@ -57,10 +58,10 @@ nlohmann::ordered_json rowsOf(const std::vector<EffectSetCost>& sets) {
 }
 
 int effects(const EffectsOptions& options) {
-  const auto scene = effectsScene(options.profile);
-  if (!scene.ok()) return failed("effects", scene.error());
+  const auto scenes = effectsScenes(options.profile);
+  if (!scenes.ok()) return failed("effects", scenes.error());
   if (options.count_only) {
-    const Status status = runSetsForCounting(*scene, options.rate_hz);
+    const Status status = runSetsForCounting(*scenes, options.rate_hz);
     return status.ok() ? kExitDone : failed("effects", status.error());
   }
   if (!options.out.empty()) {
@@ -77,11 +78,11 @@ int effects(const EffectsOptions& options) {
     return failed("effects", status.error());
 
   const bool terminal = ::isatty(STDERR_FILENO) != 0;
-  auto sets = timeEffectSets(*scene, options.rate_hz, [&](double share) {
+  auto sets = timeEffectSets(*scenes, options.rate_hz, [&](double share) {
     if (terminal) std::fprintf(stderr, "\rtiming %3.0f %%%s", share * 100, share >= 1 ? "\n" : "");
   });
   if (!sets.ok()) return failed("effects", sets.error());
-  if (const Status status = count(options, *scene, *sets); !status.ok())
+  if (const Status status = count(options, scenes->front().spec, *sets); !status.ok())
     return failed("effects", status.error());
 
   if (!options.out.empty()) {
@@ -103,9 +104,10 @@ int effects(const EffectsOptions& options) {
 void addEffectsCommand(CLI::App& app, SimCommand& chosen) {
   auto options = std::make_shared<EffectsOptions>();
   CLI::App* command = app.add_subcommand(
-      "effects", "What a tick costs with each set of live effects, in ns and in instructions");
+      "effects",
+      "What a tick costs with no effect, with each, without each and with all, in ns and in instructions");
   command->add_option("--profile", options->profile,
-                      "scene to measure; without it the paper's six layers with all effects");
+                      "scene to measure; without it the paper's six layers with all effects, and a body");
   command->add_option("--rate", options->rate_hz, "haptic rate in Hz, 50 to 40000")->capture_default_str();
   command->add_option("--out", options->out, "folder for effects.csv, effects_marginal.csv and effects.png");
   CLI::Option* must = command->add_flag("--instructions", options->instructions,

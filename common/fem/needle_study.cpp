@@ -191,12 +191,16 @@ std::vector<double> timedStroke(const FemNeedle& needle, const std::vector<doubl
   return forces;
 }
 
-void compare(const std::vector<double>& forces, const std::vector<double>& finest, MeshRow& row) {
+void compare(const std::vector<double>& depth_m, const std::vector<double>& forces,
+             const std::vector<double>& finest, MeshRow& row) {
   double sum = 0;
   for (std::size_t k = 0; k < forces.size(); ++k) {
     const double error = std::fabs(forces[k] - finest[k]);
     sum += error * error;
-    row.force_max_error_N = std::max(row.force_max_error_N, error);
+    if (error <= row.force_max_error_N) continue;
+    row.force_max_error_N = error;
+    row.force_max_depth_m = depth_m[k];
+    row.force_max_out = k > 0 && depth_m[k] < depth_m[k - 1];
   }
   row.force_rms_error_N = std::sqrt(sum / static_cast<double>(forces.size()));
 }
@@ -350,7 +354,7 @@ Result<std::vector<MeshRow>> meshStudy(const SceneSpec& spec, const std::vector<
   for (std::size_t r = 0; r < rows.size(); ++r) {
     rows[r].stiffness_error = rows[r].stiffness_N_per_m / finest.stiffness_N_per_m - 1;
     rows[r].tip_give_error = rows[r].tip_give_m_per_N / finest.tip_give_m_per_N - 1;
-    compare(forces[r], forces.back(), rows[r]);
+    compare(stroke, forces[r], forces.back(), rows[r]);
   }
   addLimits(forces, rows);
   return rows;

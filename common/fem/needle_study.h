@@ -91,6 +91,8 @@ struct MeshRow {
   double tip_give_m_per_N = 0;   ///< of the tip half way down
   double tip_give_error = 0;     ///< relative to the finest mesh; negative is stiffer
   double force_rms_error_N = 0, force_max_error_N = 0;  ///< over `strokeOf`, to the finest mesh
+  double force_max_depth_m = 0;                         ///< the tip's depth at the greatest error
+  bool force_max_out = false;                           ///< it is on the way out
   double strained_share = 0, strained_near_share = 0;   ///< see NeedleCompliance
   double stroke_m = 0;                                  ///< the greatest depth of `strokeOf`
   double work_J = 0;                  ///< work of the force on the needle over `strokeOf`; negative: done by

@@ -9,19 +9,15 @@
 
 namespace needlelab {
 
-/// The table: a block per comparator and scene, followed by the sentence. Of the verification it only has the
-/// rows at 1 kHz and 10 µm; CSV and picture have all.
+/// The table: a block per comparator and scene, followed by the sentence, if there is one. Of the
+/// verification it only has the rows at 1 kHz and 10 µm; CSV and picture have all.
 std::string accuracyTable(const AccuracyRows& rows);
 
 /// All rows with the JSON's columns, in the same order. Texts in double quotes; missing values are empty.
 std::string accuracyCsv(const AccuracyRows& rows);
 
-/// Input of plots/accuracy.gp: the blocks in `data`, and the variables.
-struct AccuracyPicture {
-  std::string data;
-  std::vector<PlotVariable> variables;
-};
-AccuracyPicture accuracyPicture(const AccuracyRows& rows);
+/// What plots/accuracy.gp needs beside the CSV.
+std::vector<PlotVariable> accuracyPicture(const AccuracyRows& rows);
 
 // --- the sentences
 
@@ -29,12 +25,8 @@ AccuracyPicture accuracyPicture(const AccuracyRows& rows);
 /// station's appear only in the picture.
 bool isMain(const AccuracyRow& row);
 
-/// Advice for choosing a loop, encoder, mesh or model. Empty without rows.
+/// What the rows of the verification or the refinement say about the price of accuracy. Empty for another
+/// comparator, or without its rows.
 std::string sentenceOf(Comparator comparator, const AccuracyRows& rows);
-
-/// What lower FEM errors cost in time. Empty without timed FEM rows.
-std::string femSentence(const AccuracyRows& rows);
-/// What a tick costs overall. Empty without timed rows.
-std::string costSentence(const AccuracyRows& rows);
 
 }  // namespace needlelab

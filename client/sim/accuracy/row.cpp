@@ -19,11 +19,11 @@ Json orNull(const std::optional<double>& value) {
 
 const ComparatorText& textOf(Comparator comparator) {
   static constexpr std::array<ComparatorText, kComparatorCount> kTexts = {{
-      {"verification", "Verification: each model against its own closed form",
+      {"verification", "Verification: each model against its own closed form, between its jumps",
        "whether the engine computes a law as it is written, and what rate and encoder cost; not whether the "
        "law is that of tissue"},
       {"refinement", "Refinement: FEM with more stations and a finer mesh, at the same E",
-       "how far a mesh is from its limit; not whether linear elasticity is that of tissue"},
+       "how far a mesh is from the finest, and its price; not whether linear elasticity is that of tissue"},
       {"validation", "Validation: models beside measured curves, on what they were not fitted on",
        "how closely a model can follow these curves; with one specimen of each not which model is right"},
       {"replay", "Replay: each model along recorded hands, against itself at 16 times the rate",
@@ -54,9 +54,14 @@ Json jsonOf(const AccuracyRow& row) {
           {"error_low_n", error(&MeanInterval::low)},
           {"error_high_n", error(&MeanInterval::high)},
           {"error_count", row.error_N ? Json(row.error_N->count) : Json(nullptr)},
+          {"greatest_n", orNull(row.greatest_N)},
+          {"greatest_at", row.greatest_at.empty() ? Json(nullptr) : Json(row.greatest_at)},
+          {"delay_s", orNull(row.delay_s)},
           {"beyond", orNull(row.beyond)},
+          {"prepare_ms", row.prepare_s ? orNull(1e3 * *row.prepare_s) : Json(nullptr)},
           {"p50_ns", time(&LoopTimes::p50_ns)},
-          {"p99_ns", time(&LoopTimes::p99_ns)},
+          {"p50_low_ns", time(&LoopTimes::low_ns)},
+          {"p50_high_ns", time(&LoopTimes::high_ns)},
           {"p999_ns", time(&LoopTimes::p999_ns)},
           {"instructions", orNull(row.instructions)},
           {"margin", orNull(row.margin)},
@@ -74,13 +79,15 @@ double localLimit_N(double force_N) {
 
 void setError(AccuracyRow& row, const std::vector<ForceError>& gestures) {
   std::vector<double> rms_N;
-  double beyond = 0;
+  double beyond = 0, greatest_N = 0;
   for (const ForceError& one : gestures) {
     rms_N.push_back(one.rms_N());
+    greatest_N = std::max(greatest_N, one.greatest_N());
     beyond += one.beyond() / static_cast<double>(gestures.size());
   }
   row.error_N = meanInterval(rms_N);
   row.error_N->low = std::max(0.0, row.error_N->low);
+  row.greatest_N = greatest_N;
   row.beyond = beyond;
 }
 

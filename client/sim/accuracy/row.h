@@ -1,6 +1,7 @@
 /// A row of the accuracy report: a model in a comparator, its error, and the cost of its tick.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -31,7 +32,8 @@ const ComparatorText& textOf(Comparator comparator);
 
 /// Durations of a tick's computation (tool, gate and engine) in the station's loop, in ns.
 struct LoopTimes {
-  double p50_ns = 0, p99_ns = 0, p999_ns = 0;
+  double p50_ns = 0, low_ns = 0, high_ns = 0;  ///< with its range over the rounds; see printAsEqual
+  double p999_ns = 0;
 };
 
 /// Missing values are empty, and null in JSON.
@@ -43,11 +45,15 @@ struct AccuracyRow {
   std::string against;  ///< reference of the error, never empty
   bool line = false;    ///< a baseline, drawn as a line, instead of a model
   std::optional<double> rate_hz, encoder_m, nodes, stations;
-  /// RMS of force over gestures, halves of a curve or recordings. For FEM the interval is the possible error
-  /// of the finest mesh.
+  /// RMS of force, with its 95 % interval over gestures, halves of a curve or recordings; infinite bounds if
+  /// there is one value only. Of the verification: between the formula's jumps.
   std::optional<MeanInterval> error_N;
-  std::optional<double> beyond;  ///< share of ticks (or bins) with an error that a hand may notice
-                                 ///< (ForceError)
+  std::optional<double> greatest_N;  ///< the greatest error of those
+  std::string greatest_at;           ///< where on the gesture; may be empty
+  std::optional<double> delay_s;     ///< the greatest, from a jump of the formula until the engine shows it
+  std::optional<double> prepare_s;   ///< FEM: mesh and compliance, before the lesson
+  std::optional<double> beyond;      ///< share of ticks (or bins) with an error that a hand may notice
+                                     ///< (ForceError)
   std::optional<LoopTimes> time;
   std::optional<double> instructions;  ///< per tick, mean over a gesture
   std::optional<double> margin;        ///< stiffness that the device alone can render, relative to the
@@ -71,6 +77,7 @@ class ForceError {
   void add(double force_N, double right_N) {
     const double off_N = force_N - right_N;
     squares_ += off_N * off_N;
+    greatest_N_ = std::max(greatest_N_, std::abs(off_N));
     if (std::abs(off_N) > localLimit_N(right_N)) ++beyond_;
     ++count_;
   }
@@ -80,14 +87,15 @@ class ForceError {
   [[nodiscard]] double beyond() const {
     return count_ > 0 ? static_cast<double>(beyond_) / static_cast<double>(count_) : 0;
   }
+  [[nodiscard]] double greatest_N() const { return greatest_N_; }
   [[nodiscard]] std::size_t count() const { return count_; }
 
  private:
-  double squares_ = 0;
+  double squares_ = 0, greatest_N_ = 0;
   std::size_t beyond_ = 0, count_ = 0;
 };
 
-/// Sets error and share from one sum per gesture, equally weighted. Requires at least one.
+/// Sets error, greatest error and share from one sum per gesture, equally weighted. Requires at least one.
 void setError(AccuracyRow& row, const std::vector<ForceError>& gestures);
 
 }  // namespace needlelab

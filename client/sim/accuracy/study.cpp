@@ -14,6 +14,7 @@
 #include "client/sim/tools/closed_loop.h"
 #include "client/station/run/loop/real_time.h"
 #include "client/station/run/loop/servo_loop.h"
+#include "common/base/histogram.h"
 #include "common/base/time/clock.h"
 #include "common/fem/needle_mesh.h"
 #include "common/fem/needle_study.h"
@@ -79,8 +80,7 @@ Result<LoopTimes> loopTimes(const SceneModel& model, const SceneSpec& scene, dou
   if (of.total < std::min(kMinTicks, settings.max_ticks))
     return Error{ErrorCode::kFailed, fmt::format("the loop stepped {} of {} ticks: the machine is too busy",
                                                  of.total, settings.max_ticks)};
-  return LoopTimes{static_cast<double>(of.p50_ns), static_cast<double>(of.p99_ns),
-                   static_cast<double>(of.p999_ns)};
+  return LoopTimes{static_cast<double>(of.p50_ns), 0, 0, static_cast<double>(of.p999_ns)};
 }
 
 }  // namespace
@@ -138,16 +138,34 @@ Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgre
       ASSIGN_OR_RETURN(times[m][round], loopTimes(models[m], studied[m].spec, seconds));
     }
   for (std::size_t m = 0; m < models.size(); ++m) {
-    const auto median = [&](double LoopTimes::*value) {
-      std::array<double, kRounds> all{};
-      for (std::size_t round = 0; round < kRounds; ++round) all[round] = times[m][round].*value;
-      std::nth_element(all.begin(), all.begin() + kRounds / 2, all.end());
-      return all[kRounds / 2];
-    };
-    costs[m].time =
-        LoopTimes{median(&LoopTimes::p50_ns), median(&LoopTimes::p99_ns), median(&LoopTimes::p999_ns)};
+    std::vector<double> p50_ns, p999_ns;
+    for (const LoopTimes& round : times[m]) {
+      p50_ns.push_back(round.p50_ns);
+      p999_ns.push_back(round.p999_ns);
+    }
+    const auto [low, high] = std::minmax_element(p50_ns.begin(), p50_ns.end());
+    costs[m].time = LoopTimes{medianOf(p50_ns), *low, *high, medianOf(p999_ns)};
   }
+  printAsEqual(costs);
   return costs;
+}
+
+void printAsEqual(std::vector<ModelCost>& costs) {
+  std::vector<LoopTimes*> times;
+  for (ModelCost& cost : costs)
+    if (cost.time) times.push_back(&*cost.time);
+  std::sort(times.begin(), times.end(),
+            [](const LoopTimes* a, const LoopTimes* b) { return a->low_ns < b->low_ns; });
+  for (std::size_t from = 0, to = 0; from < times.size(); from = to) {
+    std::vector<double> p50_ns;
+    LoopTimes common = *times[from];
+    for (; to < times.size() && times[to]->low_ns <= common.high_ns; ++to) {
+      common.high_ns = std::max(common.high_ns, times[to]->high_ns);
+      p50_ns.push_back(times[to]->p50_ns);
+    }
+    for (std::size_t i = from; i < to; ++i)
+      *times[i] = {medianOf(p50_ns), common.low_ns, common.high_ns, times[i]->p999_ns};
+  }
 }
 
 Status countInstructions(const std::vector<std::string>& command, std::vector<ModelCost>& costs) {

@@ -43,6 +43,7 @@ Result<AccuracyRows> verificationRows(const AccuracyOptions& options, const Accu
                                       std::vector<std::string>& notes);
 
 /// FEM on increasingly fine meshes for several numbers of stations, at the same E, compared with the finest.
+/// Its preparation is timed once for each.
 Result<AccuracyRows> refinementRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                     std::vector<std::string>& notes);
 
@@ -58,7 +59,7 @@ Result<AccuracyRows> replayRows(const AccuracyOptions& options, const AccuracyPr
 
 inline constexpr double kStationRate_hz = 1000, kStationEncoder_m = 1e-5;
 /// Compared numbers of FEM stations: the tick's cost depends on them, not on the mesh.
-inline constexpr int kStationCounts[] = {15, 30, 60};
+inline constexpr int kStationCounts[] = {15, 30, 60, 128};
 
 /// A scene rendered by one of the models.
 struct StudyModel {
@@ -89,11 +90,15 @@ struct ModelCost {
 };
 
 /// Times a tick in the station's own loop (ServoLoop with the simulated device and hand, at 1 kHz and normal
-/// priority), in three rounds of `seconds` in turns: p50 to p99.9 of its histogram of tool, gate and engine,
-/// each the median of the rounds. Margin: `b/(T(½ + delay))/K`, with the device's own damping and the model's
-/// stiffness along the needle (FORCE_MODEL.md, "Stiffnesses"). Thread: starts one. Errors: those of
-/// `compile`; kFailed if the loop ended early.
+/// priority), in three rounds of `seconds` in turns: p50 and p99.9 of its histogram of tool, gate and engine,
+/// each the median of the rounds, printed as equal. Margin: `b/(T(½ + delay))/K`, with the device's own
+/// damping and the model's stiffness along the needle (FORCE_MODEL.md, "Stiffnesses"). Thread: starts one.
+/// Errors: those of `compile`; kFailed if the loop ended early.
 Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress);
+
+/// Gives all models of a run of overlapping ranges (low_ns to high_ns) the whole range, and the median of
+/// their p50_ns: these times do not tell them apart.
+void printAsEqual(std::vector<ModelCost>& costs);
 
 /// Counts the instructions of a tick of each model over one gesture. `command` must be a program that calls
 /// `stepForCounting`. Errors: as countStepInstructions.
@@ -109,11 +114,22 @@ void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows);
 /// Seeded gestures of 5 to 20 mm/s that turn between 24.5 and 27.5 mm.
 std::vector<TurnGesture> turnGestures(int count);
 
-/// Error of the engine with the scene of `rendered` relative to the formula of `right`, while the needle is
-/// in tissue. Each tick's force is held until the next; the formula continues in between. The depth is read
-/// in steps of `encoder_m` (0: exact). Errors: those of `compile`.
-Result<ForceError> errorOf(const ClosedForm& rendered, const ClosedForm& right, const TurnGesture& gesture,
-                           double rate_hz, double encoder_m);
+/// The moments in which the formula jumps along the gesture, in s, ascending; 0 outside of the tissue.
+std::vector<double> jumpsOf(const ClosedForm& form, const TurnGesture& gesture);
+
+/// What the engine misses of a formula along a gesture.
+struct FormulaError {
+  /// In tissue, farther from each jump than two ticks and the time of half an encoder step.
+  ForceError between;
+  /// The greatest time from a jump until the engine is nearer to the formula than to the force before the
+  /// jump; until the end if it never is. Empty if the formula has no jump.
+  std::optional<double> delay_s;
+};
+/// The engine with the scene of `rendered` relative to the formula of `right`. Each tick's force is held
+/// until the next; the formula continues in between. The depth is read in steps of `encoder_m` (0: exact).
+/// Errors: those of `compile`.
+Result<FormulaError> errorOf(const ClosedForm& rendered, const ClosedForm& right, const TurnGesture& gesture,
+                             double rate_hz, double encoder_m);
 
 // --- refinement: how far a mesh is from its limit
 
@@ -121,16 +137,7 @@ Result<ForceError> errorOf(const ClosedForm& rendered, const ClosedForm& right, 
 /// this E. Errors: those of femLikeForLike.
 Result<FemScene> femScene();
 
-/// Convergence from the errors of two meshes relative to the finest: the order q and the finest mesh's own
-/// error, assuming errors proportional to n^−q. Sizes ascend and are below the finest. If the errors do not
-/// converge like that, q is 0 and the rest is the second mesh's error.
-struct FinestError {
-  double order = 0, rest = 0;
-};
-FinestError finestError(double size_a, double error_a, double size_b, double error_b, double finest);
-
-/// One row per mesh except the last, which is the reference. Meshes are grouped by equal stations with
-/// ascending nodes, the finest group last. `young_factor`: as in FemScene.
+/// One row for each mesh except the last, which is the reference. `young_factor`: as in FemScene.
 AccuracyRows rowsOf(const std::vector<MeshRow>& meshes, double young_factor);
 
 // --- replay: a recorded hand as a smooth path that can be sampled at any rate

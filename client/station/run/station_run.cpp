@@ -64,7 +64,6 @@ Status StationRun::prepare() {
       {"fetching the exercise", &StationRun::getLesson},
       {"waiting for the exam to begin", &StationRun::waitForExam},
       {"choosing the device", &StationRun::chooseDevice},
-      {"measuring what the scene costs", &StationRun::measureEffects},
       {"opening the device", &StationRun::openDevice},
       {"beginning the recording", &StationRun::openSession},
   };
@@ -125,19 +124,6 @@ Status StationRun::chooseDevice() {
   ASSIGN_OR_RETURN(delay_, loopDelayOf(options_, device_->info()));
   RETURN_IF_ERROR(fitLesson(lesson_, device_->info(), delay_, options_, device_notes_));
   for (const std::string& note : device_notes_) logMessage(note);
-  return {};
-}
-
-// measures the cost of the lesson's effects, before the loop and not on its thread; a failure does not stop
-// the lesson
-Status StationRun::measureEffects() {
-  auto costs = calibrateEffects(lesson_.scene, options_.rate_hz);
-  if (costs.ok()) {
-    logMessage("engine: " + effectCostsText(*costs));
-    effect_costs_ = *costs;
-  } else {
-    logMessage("the effects' cost is not known: " + costs.error().message);
-  }
   return {};
 }
 
@@ -371,7 +357,6 @@ StationSummary StationRun::summarise() {
   if (const SpoolLoss loss = session_->contents().loss; loss.samples > 0) s.lost_from_tick = loss.from_tick;
   s.axial_model = axialModelName(lesson_.model.axial_model);
   s.live_effects = liveEffects(lesson_.model);
-  s.effect_costs = effect_costs_;
   s.realtime = realtime_;
   s.black_box = black_box_;
   s.device_notes = device_notes_;

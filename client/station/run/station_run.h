@@ -78,7 +78,6 @@ class StationRun {
   Status getLesson();
   Status waitForExam();
   Status chooseDevice();
-  Status measureEffects();
   Status openDevice();
   Status openSession();
   void dateBegin(pb::SessionDescription& description) const;
@@ -100,7 +99,6 @@ class StationRun {
   StationLesson lesson_;
   LoopDelay delay_;
   std::vector<std::string> device_notes_;
-  std::optional<EffectCosts> effect_costs_;
   std::unique_ptr<Device> device_;
   std::shared_ptr<SpoolSession> session_;
   std::unique_ptr<PathWorker> paths_;  // null: the patient is no body

@@ -2,7 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -147,32 +146,9 @@ std::string stopText(const std::optional<StopCause>& stopped) {
          (stopped->reason.empty() ? "" : ": " + stopped->reason);
 }
 
-std::string effectCostsText(const EffectCosts& costs) {
-  std::string text = fmt::format("{:.1f} ns a tick", costs.tick_ns);
-  const char* before = "; beside the others each adds: ";
-  for (const EffectCost& cost : costs.effects) {
-    text += before + fmt::format("{} {:.1f} ns", effectName(cost.effect), cost.ns);
-    before = ", ";
-  }
-  return text;
-}
-
 // --- JSON ---
 
 namespace {
-
-double tenths(double number) {
-  return std::round(number * 10) / 10;
-}
-
-// name → ns of each live effect
-Json costsOf(const std::optional<EffectCosts>& costs) {
-  if (!costs) return nullptr;
-  Json by_name = Json::object();
-  for (const EffectCost& cost : costs->effects)
-    by_name[std::string(effectName(cost.effect))] = tenths(cost.ns);
-  return by_name;
-}
 
 Json faultsOf(const StationSummary& s) {
   Json faults = Json::array();
@@ -250,8 +226,6 @@ Json rowOf(const StationSummary& s) {
       {"state", s.state},
       {"axial_model", s.axial_model},
       {"live_effects", s.live_effects},
-      {"effect_costs_ns", costsOf(s.effect_costs)},
-      {"engine_tick_ns", s.effect_costs ? Json(tenths(s.effect_costs->tick_ns)) : Json(nullptr)},
       {"events", flagCounts(s.servo, false)},
       {"warnings", flagCounts(s.servo, true)},
       {"alarms", alarmRows(s.alarms)},
@@ -394,7 +368,6 @@ std::string summaryText(const StationSummary& s) {
   for (const std::string& effect : s.live_effects) effects += (effects.empty() ? "" : ", ") + effect;
   text += "live effects " + (effects.empty() ? "none" : effects) + "\n";
   for (const std::string& note : s.device_notes) text += "device       " + note + "\n";
-  if (s.effect_costs) text += "their cost   " + effectCostsText(*s.effect_costs) + "\n";
   if (!s.axial_model.empty()) text += "axial model  " + s.axial_model + "\n";
   for (const bool warnings : {false, true}) {
     const Json counts = flagCounts(s.servo, warnings);

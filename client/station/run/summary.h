@@ -7,7 +7,6 @@
 #include <string_view>
 #include <vector>
 
-#include "client/effect_cost/tick_cost.h"
 #include "client/net/spool/spool_writer.h"
 #include "client/net/uplink/uplink.h"
 #include "client/station/run/lesson_requests.h"
@@ -39,8 +38,6 @@ struct StationSummary {
   std::vector<AlarmCount> alarms;         ///< of the gesture
   StiffnessShares shares;                 ///< as in SessionDescription
   EffectMask left_out = 0;                ///< as in StationLesson
-  std::optional<EffectCosts>
-      effect_costs;  ///< of the live effects, measured before the loop; none if the measurement failed
   std::vector<RtStep> realtime;
   BlackBoxCounts black_box;
   std::string state;         ///< COMPLETE, INTERRUPTED (the server's word), or OPEN
@@ -61,9 +58,6 @@ std::string_view flagText(unsigned bit);
 /// it is an ordinary event of a gesture.
 bool isWarningFlag(unsigned bit);
 const char* servoEndText(ServoEnd end);
-
-/// "15.2 ns a tick; beside the others each adds: CUTTING 2.3 ns, …" or "15.2 ns a tick".
-std::string effectCostsText(const EffectCosts& costs);
 
 std::string summaryText(const StationSummary& summary);
 /// Returns {"version", "machine", "rows": [{…}]}, with one row for this lesson; its fields also stand at the

@@ -22,15 +22,6 @@ void addEngine(Figures& figures) {
   addTick("in the paper's six layers", paperSixLayers());
   addTick("with all effects", allEffects());
 
-  LatencyHistogram calibrations;
-  for (int i = 0; i < 5; ++i) {
-    Stopwatch watch;
-    (void)calibrateEffects(allEffects(), 1000);
-    calibrations.add(static_cast<std::int64_t>(watch.lap() * 1e9));
-  }
-  figures.push_back({"station: calibration of the effects p50", "ms",
-                     static_cast<double>(calibrations.quantile_ns(0.5)) * 1e-6, Beside::kMedian});
-
   auto histogram = std::make_unique<LatencyHistogram>();
   std::int64_t ns = 20'000;
   const Timing add = timeFor(0.1, [&] {

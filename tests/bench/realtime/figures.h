@@ -28,8 +28,7 @@ void addQuantiles(Figures& figures, const std::string& name, const LatencyHistog
 /// The haptic loop's tick beyond its wake-ups.
 void addLoop(Figures& figures, const SliceResult& slices);
 
-/// A tick of the engine with several sets of effects, the calibration that a station does before each lesson,
-/// and what watching the loop costs.
+/// A tick of the engine with several sets of effects, and what watching the loop costs.
 void addEngine(Figures& figures);
 /// Commits of stations' chunks, alone and beside a run of retention that thins recordings of a minute, and
 /// how long that run takes for each of them. Errors: the database.

@@ -7,6 +7,8 @@
 #include <memory>
 #include <set>
 
+#include "common/haptics/effects/effect_entry.h"
+#include "tests/support/anatomy/bodies.h"
 #include "tests/support/scenes/scenes.h"
 
 namespace needlelab::test {
@@ -82,28 +84,39 @@ TEST(TickRun, repeatsTheGesture) {
   EXPECT_GT(deepest_m, 0.01) << "the gesture goes somewhere";
 }
 
-TEST(TickCost, namesTheLiveEffectsOnlyEachWithItsCost) {
-  SceneSpec scene = paperSixLayers();
-  scene.effects |= bitOf(Effect::kShaftFriction);  // listed, but no layer has friction: not live
-  const auto costs = calibrateEffects(scene, 1000);
-  ASSERT_TRUE(costs.ok()) << costs.error().message;
-  ASSERT_EQ(costs->effects.size(), 4u);
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(costs->effects[i].effect, static_cast<Effect>(i));
-  EXPECT_GT(costs->tick_ns, 0);
-  for (const EffectCost& cost : costs->effects) EXPECT_TRUE(std::isfinite(cost.ns));
+// paths that were found before are those that the engine finds itself, in the first gesture and in the next
+TEST(TickRun, inABodyStepsOnItsPathsAsTheEngineDoes) {
+  const SceneSpec scene = sceneIn(slabOfTissue());
+  const SceneModel model = *compile(scene, 1000);
+  const auto gesture = measuringGesture(scene, 1000);
+  TickRun run(model, gesture);
+  for (int round = 0; round < 2; ++round) {
+    SceneEngine engine(model);
+    StepReport expected;
+    double greatest_N = 0;
+    for (std::size_t k = 0; k < gesture.size(); ++k) {
+      engine.step(gesture[k], expected);
+      run.tick();
+      ASSERT_EQ(run.report().wrench_W.force_N.z, expected.wrench_W.force_N.z) << round << ", tick " << k;
+      ASSERT_EQ(run.report().flags, expected.flags);
+      greatest_N = std::max(greatest_N, norm(expected.wrench_W.force_N));
+    }
+    EXPECT_GT(greatest_N, 0.1) << "the model of the body alone has no force";
+  }
 }
 
-TEST(TickCost, aSceneWithoutEffectsHasATickButNoCosts) {
-  const auto costs = calibrateEffects(withEffects(paperSixLayers(), 0), 1000);
-  ASSERT_TRUE(costs.ok()) << costs.error().message;
-  EXPECT_TRUE(costs->effects.empty());
-  EXPECT_GT(costs->tick_ns, 0);
-}
-
-TEST(TickCost, aSceneThatIsNoSceneIsRefused) {
-  SceneSpec scene = paperSixLayers();
-  scene.layers.clear();
-  EXPECT_FALSE(calibrateEffects(scene, 1000).ok());
+TEST(TickRun, hasTheCapOnWhereItIsAskedFor) {
+  SceneSpec scene = allEffects();
+  useUsualNumbers(effectEntry(Effect::kPalpation), scene);
+  scene.effects = bitOf(Effect::kPalpation);
+  const SceneModel model = *compile(scene, 1000);
+  const auto gesture = measuringGesture(scene, 1000);
+  for (const bool capped : {false, true}) {
+    TickRun run(model, gesture, capped);
+    for (std::size_t k = 0; k < gesture.size() / 2; ++k) run.tick();
+    EXPECT_EQ((run.report().flags & kFlagCapped) != 0, capped);
+    EXPECT_EQ(norm(run.report().wrench_W.force_N) > 0, capped) << "no other effect is live";
+  }
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
@@ -23,6 +25,7 @@ using ::testing::HasSubstr;
 
 EffectSetCost cost(EffectMask effects, double ns, std::optional<double> instructions = {}) {
   EffectSetCost made;
+  made.scene = "layers";
   made.effects = effects;
   made.timing.median_ns = ns;
   made.instructions = instructions;
@@ -41,6 +44,18 @@ TEST(MarginalCosts, areTheMeanOverThePairsThatDifferInOneEffectOnly) {
   EXPECT_DOUBLE_EQ(*costs[0].instructions, 35);
   EXPECT_EQ(costs[1].effect, Effect::kClamping);
   EXPECT_DOUBLE_EQ(costs[1].mean_ns, 4.5);
+}
+
+TEST(MarginalCosts, pairSetsOfOneSceneOnly) {
+  auto sets = {cost(0, 7, 100), cost(1, 9, 130), cost(0, 20, 300), cost(1, 25, 370)};
+  std::vector<EffectSetCost> two(sets);
+  two[2].scene = two[3].scene = "a body";
+  const auto costs = marginalCosts(two);
+  ASSERT_EQ(costs.size(), 2u);
+  EXPECT_EQ(costs[0].scene, "layers");
+  EXPECT_EQ(costs[0].max_instructions, 30);
+  EXPECT_EQ(costs[1].scene, "a body");
+  EXPECT_EQ(costs[1].min_instructions, 70);
 }
 
 TEST(MarginalCosts, areNotCountedWhereACountIsMissing) {
@@ -85,17 +100,18 @@ TEST(EffectsTable, hasTheSetsFromTheCheapestOnAndWhatEachEffectAdds) {
   sets[0].timing.batches = 400;
   sets[0].timing.per_batch = 64;
   const auto lines = tableLines(effectsTable(sets));
-  ASSERT_EQ(lines.size(), 11u);
-  EXPECT_EQ(wordsOf(lines[1]), joined(marksOf(0), {"7.0", "0.0", "0.0", "100.0"}));
-  EXPECT_EQ(wordsOf(lines[2]), joined(marksOf(kCut), {"9.0", "0.0", "2.0", "130.0"}));
-  EXPECT_EQ(wordsOf(lines[3]), joined(marksOf(kClamp), {"10.0", "0.0", "3.0", "-"}));
-  EXPECT_EQ(wordsOf(lines[4]), joined(marksOf(kCut | kClamp), {"15.0", "20.0", "8.0", "190.2"}));
-  EXPECT_EQ(lines[5], "");
-  EXPECT_EQ(lines[6], "what an effect adds, over all pairs of sets that differ in it only");
+  ASSERT_EQ(lines.size(), 13u);
+  EXPECT_EQ(lines[0], "layers");
+  EXPECT_EQ(wordsOf(lines[2]), joined(marksOf(0), {"7.0", "0.0", "0.0", "100.0"}));
+  EXPECT_EQ(wordsOf(lines[3]), joined(marksOf(kCut), {"9.0", "0.0", "2.0", "130.0"}));
+  EXPECT_EQ(wordsOf(lines[4]), joined(marksOf(kClamp), {"10.0", "0.0", "3.0", "-"}));
+  EXPECT_EQ(wordsOf(lines[5]), joined(marksOf(kCut | kClamp), {"15.0", "20.0", "8.0", "190.2"}));
+  EXPECT_EQ(lines[6], "");
+  EXPECT_EQ(lines[7], "what an effect adds, to no other and to all others");
   // cutting: 9 − 7 and 15.04 − 10; clamping: 10 − 7 and 15.04 − 9; in one pair of each a count is missing
-  EXPECT_EQ(wordsOf(lines[8]), (std::vector<std::string>{"cutting", "3.5", "2.0", "5.0", "-"}));
-  EXPECT_EQ(wordsOf(lines[9]), (std::vector<std::string>{"clamping", "4.5", "3.0", "6.0", "-"}));
-  EXPECT_THAT(lines[10], HasSubstr("median and p99 of 400 batches of 64 ticks"));
+  EXPECT_EQ(wordsOf(lines[9]), (std::vector<std::string>{"cutting", "3.5", "2.0", "5.0", "-"}));
+  EXPECT_EQ(wordsOf(lines[10]), (std::vector<std::string>{"clamping", "4.5", "3.0", "6.0", "-"}));
+  EXPECT_THAT(lines[12], HasSubstr("median and p99 of 400 batches of 64 ticks"));
 }
 
 TEST(EffectsTable, itsFilesHaveTheSameNumbers) {
@@ -106,14 +122,13 @@ TEST(EffectsTable, itsFilesHaveTheSameNumbers) {
   const Status drawn = drawEffects({cost(kCut, 9.25), cost(0, 7.5)}, folder.path());
   ::setenv("PATH", path.c_str(), 1);
   ASSERT_TRUE(drawn.ok()) << drawn.error().message;
-  const auto sets =
-      readCsv(folder.path() / "effects.csv", {"place", "count", "median_ns", "p99_ns", "cutting"});
+  const auto sets = readCsv(folder.path() / "effects.csv", {"count", "median_ns", "p99_ns", "cutting"});
   ASSERT_TRUE(sets.ok()) << sets.error().message;
-  EXPECT_EQ(sets->columns, (std::vector<std::vector<double>>{{1, 2}, {0, 1}, {7.5, 9.25}, {0, 0}, {0, 1}}));
+  EXPECT_EQ(sets->columns, (std::vector<std::vector<double>>{{0, 1}, {7.5, 9.25}, {0, 0}, {0, 1}}));
   std::ifstream file(folder.path() / "effects_marginal.csv");
   std::stringstream text;
   text << file.rdbuf();
-  EXPECT_EQ(text.str(), "place,mean_ns,least_ns,most_ns,effect\n0,1.75,1.75,1.75,cutting\n");
+  EXPECT_EQ(text.str(), "place,mean_ns,least_ns,most_ns,effect,scene\n0,1.75,1.75,1.75,cutting,layers\n");
 }
 
 // times order these sets the other way: the picture uses what is reproducible
@@ -124,16 +139,16 @@ TEST(EffectsPicture, showsInstructionsWhereTheyWereCounted) {
       drawEffects({cost(0, 9, 100), cost(kCut, 8, 130), cost(kClamp, 7, 150), cost(kCut | kClamp, 6, 190)},
                   folder.path());
   ASSERT_TRUE(drawn.ok()) << drawn.error().message;
-  const auto sets = readCsv(folder.path() / "effects.csv", {"place", "cost_instructions", "median_ns"});
+  const auto sets = readCsv(folder.path() / "effects.csv", {"cost_instructions", "median_ns"});
   ASSERT_TRUE(sets.ok()) << sets.error().message;
-  EXPECT_EQ(sets->columns,
-            (std::vector<std::vector<double>>{{1, 2, 3, 4}, {100, 130, 150, 190}, {9, 8, 7, 6}}));
+  EXPECT_EQ(sets->columns, (std::vector<std::vector<double>>{{100, 130, 150, 190}, {9, 8, 7, 6}}));
   std::ifstream file(folder.path() / "effects_marginal.csv");
   std::stringstream text;
   text << file.rdbuf();
-  EXPECT_EQ(text.str(),
-            "place,mean_instructions,least_instructions,most_instructions,effect\n0,35,30,40,cutting\n"
-            "1,55,50,60,clamping\n");
+  EXPECT_EQ(
+      text.str(),
+      "place,mean_instructions,least_instructions,most_instructions,effect,scene\n0,35,30,40,cutting,layers\n"
+      "2,55,50,60,clamping,layers\n");
 }
 
 TEST(EffectsCommand, givesOneRowForEachSet) {
@@ -145,15 +160,20 @@ TEST(EffectsCommand, givesOneRowForEachSet) {
   const auto json = nlohmann::json::parse(std::ifstream(file));
   EXPECT_TRUE(json.contains("version"));
   EXPECT_TRUE(json.contains("machine"));
-  ASSERT_EQ(json["rows"].size(), kNeedleEffects + 1);
-  std::set<std::set<std::string>> sets;
+  // of nine effects of a needle none, each, all but each, all; the cap's alone. The body has no CUT_MEMORY
+  ASSERT_EQ(json["rows"].size(), (2 + 2 * 9 + 1) + (2 + 2 * 8 + 1u));
+  std::map<std::string, std::set<std::set<std::string>>> sets;
   for (const auto& row : json["rows"]) {
     EXPECT_TRUE(row["median_ns"].is_number() && row["p99_ns"].is_number());
     EXPECT_EQ(row["instructions"], nullptr);
     const auto names = row["effects"].get<std::vector<std::string>>();
-    sets.insert({names.begin(), names.end()});
+    if (names.size() > 1) {
+      EXPECT_EQ(std::count(names.begin(), names.end(), "PALPATION"), 0);
+    }
+    sets[row["scene"]].insert({names.begin(), names.end()});
   }
-  EXPECT_EQ(sets.size(), kNeedleEffects + 1) << "each set once";
+  EXPECT_EQ(sets["six layers"].size(), 21u) << "each set once";
+  EXPECT_EQ(sets["shoulder-median"].size(), 19u);
 }
 
 TEST(EffectsCommand, aProfilesSetsAreThoseOfItsLiveEffects) {
@@ -202,6 +222,30 @@ TEST(EffectsCommand, countsInstructionsWhereValgrindIs) {
   ASSERT_EQ(rows.size(), 4u);
   for (const auto& row : rows) EXPECT_GT(row["instructions"].get<double>(), 50);
   EXPECT_GT(rows[3]["instructions"], rows[0]["instructions"]);
+}
+
+// In a body the tick needs a path: the model of the body alone steps nothing, and all of its sets cost the
+// same.
+TEST(EffectsCommand, countsTheTicksOfABodyOnItsPathAndOfTheCap) {
+  if (kSanitized) GTEST_SKIP() << "valgrind cannot run a program built with a sanitizer";
+  if (!hasValgrind()) GTEST_SKIP() << "valgrind is not on the PATH (Debian: valgrind)";
+  const TempFolder folder;
+  const auto file = (folder.path() / "effects.json").string();
+  const std::string command = std::string(NEEDLELAB_SIM) +
+                              " effects --instructions --rate 250 --profile " NEEDLELAB_SAMPLES
+                              "/volumes/shoulder-median.json --json " +
+                              file + " > /dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  std::map<std::set<std::string>, double> counted;
+  const auto rows = nlohmann::json::parse(std::ifstream(file))["rows"];
+  for (const auto& row : rows) {
+    const auto names = row["effects"].get<std::vector<std::string>>();
+    counted[{names.begin(), names.end()}] = row["instructions"];
+  }
+  EXPECT_GT(counted[{"CUTTING"}], counted[{}]);
+  EXPECT_GT(counted[{"CLAMPING"}], counted[{}]);
+  EXPECT_GT(counted[{"BONE"}], counted[{}]);
+  EXPECT_NE(counted[{"PALPATION"}], counted[{}]);
 }
 
 }  // namespace

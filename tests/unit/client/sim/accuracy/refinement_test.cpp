@@ -1,4 +1,4 @@
-// Rates and intervals of meshes whose errors follow a formula.
+// Rows of made-up meshes, and the scene of the real ones.
 #include "client/sim/accuracy/study.h"
 
 #include <gmock/gmock.h>
@@ -8,20 +8,6 @@
 
 namespace needlelab {
 namespace {
-
-TEST(Refinement, findsTheOrderAndWhatTheFinestMisses) {
-  // true errors 100/n: compared with the mesh of 1600 they are smaller by 1/16
-  const auto against = [](double n) { return 100 / n - 100 / 1600.0; };
-  const FinestError found = finestError(100, against(100), 400, against(400), 1600);
-  EXPECT_NEAR(found.order, 1, 1e-9);
-  EXPECT_NEAR(found.rest, 100 / 1600.0, 1e-9);
-}
-
-TEST(Refinement, aNonDecreasingErrorHasNoOrderAndRemainsWhole) {
-  const FinestError found = finestError(100, 0.2, 400, 0.3, 1600);
-  EXPECT_EQ(found.order, 0);
-  EXPECT_EQ(found.rest, 0.3);
-}
 
 std::vector<MeshRow> madeUpMeshes() {
   std::vector<MeshRow> meshes;
@@ -33,20 +19,28 @@ std::vector<MeshRow> madeUpMeshes() {
       mesh.first_cut_m = 0.005;
       mesh.stroke_m = 0.057;
       mesh.force_rms_error_N = 100.0 / nodes - 100.0 / 1600 + (stations == 15 ? 0.3 : 0);
+      mesh.force_max_error_N = 7 * mesh.force_rms_error_N;
+      mesh.force_max_depth_m = nodes == 100 ? 0.055 : 0.031;
+      mesh.force_max_out = nodes == 400;
+      mesh.precompute_s = 1e-3 * nodes;
       meshes.push_back(mesh);
     }
   return meshes;
 }
 
-TEST(MeshRows, haveTheFinestsOwnErrorAsTheirInterval) {
+TEST(MeshRows, haveTheirErrorAgainstTheFinestAndItsPrice) {
   const AccuracyRows rows = rowsOf(madeUpMeshes(), 27);
   ASSERT_EQ(rows.size(), 5u) << "all but the finest, which is the comparator";
   for (const AccuracyRow& row : rows) {
-    EXPECT_NEAR(row.error_N->high - row.error_N->mean, 100.0 / 1600, 1e-9);
-    EXPECT_THAT(row.against,
-                testing::HasSubstr("1600 nodes, 60 stations; its own error falls as nodes^-1.00"));
+    EXPECT_TRUE(std::isinf(row.error_N->high)) << "one value has no interval";
+    EXPECT_EQ(*row.greatest_N, 7 * row.error_N->mean);
+    EXPECT_EQ(*row.prepare_s, 1e-3 * *row.nodes);
+    EXPECT_THAT(row.against, testing::HasSubstr("1600 nodes, 60 stations"));
     EXPECT_THAT(row.cannot_show, testing::HasSubstr("gives E, times 27 in all layers"));
   }
+  EXPECT_EQ(rows[0].greatest_at, "at the turn") << "55 of 57 mm";
+  EXPECT_EQ(rows[1].greatest_at, "31 mm, out");
+  EXPECT_EQ(rows[2].greatest_at, "31 mm, in");
   EXPECT_EQ(rows[0].stations, 15.0);
   EXPECT_EQ(rows[4].nodes, 400.0);
 }

@@ -22,6 +22,7 @@ TEST(AccuracyRow, beyondMeansOverSevenPercentOrAPerceptibleStep) {
   error.add(0.01, 0);   // 10 mN where the truth is 0
   error.add(-0.03, 0);  // 30 mN
   EXPECT_EQ(error.count(), 4u);
+  EXPECT_NEAR(error.greatest_N(), 0.8, 1e-12);
   EXPECT_DOUBLE_EQ(error.beyond(), 0.5);
   EXPECT_NEAR(error.rms_N(), std::sqrt((0.36 + 0.64 + 0.0001 + 0.0009) / 4), 1e-12);
 }
@@ -45,6 +46,7 @@ TEST(AccuracyRow, aRowsIntervalIsStudentsOverItsGestures) {
   EXPECT_NEAR(row.error_N->high, 0.2 + 4.303 * 0.1 / std::sqrt(3.0), 1e-4);
   EXPECT_EQ(row.error_N->low, 0) << "no error is negative";
   EXPECT_EQ(row.beyond, 1.0);
+  EXPECT_NEAR(*row.greatest_N, 0.3, 1e-12);
   setError(row, {gestures[0]});
   EXPECT_TRUE(std::isinf(row.error_N->high)) << "one gesture has no interval";
 }
@@ -54,14 +56,21 @@ TEST(AccuracyJson, hasTheReportsColumnsAndNullWhereAComparatorHasNone) {
   row.model = "FEM";
   row.error_N =
       MeanInterval{0.1, -std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), 1};
-  row.time = LoopTimes{1000, 2000, 3000};
+  row.time = LoopTimes{1000, 900, 1200, 3000};
+  row.delay_s = 0.002;
+  row.prepare_s = 1.5;
   const auto json = jsonOf(row);
   EXPECT_EQ(json["comparator"], "verification");
   EXPECT_EQ(json["error_n"], 0.1);
   EXPECT_TRUE(json["error_high_n"].is_null()) << "one value has no interval";
   EXPECT_EQ(json["p50_ns"], 1000);
+  EXPECT_EQ(json["p50_low_ns"], 900);
+  EXPECT_EQ(json["p50_high_ns"], 1200);
   EXPECT_EQ(json["p999_ns"], 3000);
-  for (const char* absent : {"beyond", "instructions", "margin", "nodes", "variant"})
+  EXPECT_EQ(json["delay_s"], 0.002);
+  EXPECT_EQ(json["prepare_ms"], 1500);
+  for (const char* absent :
+       {"greatest_n", "greatest_at", "beyond", "instructions", "margin", "nodes", "variant"})
     EXPECT_TRUE(json.at(absent).is_null()) << absent;
   EXPECT_EQ(json["baseline"], false);
 }

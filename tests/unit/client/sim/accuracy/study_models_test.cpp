@@ -56,8 +56,9 @@ TEST(MeasureCosts, costOrderIsStableIdleAndUnderLoad) {
   for (std::size_t a = 0; a < idle->size(); ++a) {
     const LoopTimes& time = *(*idle)[a].time;
     EXPECT_GT(time.p50_ns, 0);
-    EXPECT_LE(time.p50_ns, time.p99_ns);
-    EXPECT_LE(time.p99_ns, time.p999_ns);
+    EXPECT_LE(time.low_ns, time.p50_ns);
+    EXPECT_LE(time.p50_ns, time.high_ns);
+    EXPECT_LE(time.p50_ns, time.p999_ns);
     EXPECT_EQ((*idle)[a].margin, (*loaded)[a].margin);
     for (std::size_t b = 0; b < idle->size(); ++b)
       EXPECT_FALSE(surelyLess(*(*idle)[a].time, *(*idle)[b].time) &&
@@ -68,10 +69,29 @@ TEST(MeasureCosts, costOrderIsStableIdleAndUnderLoad) {
   EXPECT_NEAR(idle->front().margin, 1.7 * 1000 / 1.5 / 500, 1e-9);
 }
 
+// 10–20 meets 18–30, which meets 29–40; 41–50 meets none of them
+TEST(PrintAsEqual, givesOneTimeToARunOfOverlappingRanges) {
+  std::vector<ModelCost> costs = {{"D", "", 0, LoopTimes{45, 41, 50, 99}, {}, 0},
+                                  {"B", "", 0, LoopTimes{25, 18, 30, 60}, {}, 0},
+                                  {"untimed", "", 0, {}, {}, 0},
+                                  {"A", "", 0, LoopTimes{15, 10, 20, 50}, {}, 0},
+                                  {"C", "", 0, LoopTimes{35, 29, 40, 70}, {}, 0}};
+  printAsEqual(costs);
+  for (const std::size_t i : {1u, 3u, 4u}) {
+    EXPECT_EQ(costs[i].time->p50_ns, 25) << costs[i].model;
+    EXPECT_EQ(costs[i].time->low_ns, 10) << costs[i].model;
+    EXPECT_EQ(costs[i].time->high_ns, 40) << costs[i].model;
+  }
+  EXPECT_EQ(costs[0].time->p50_ns, 45);
+  EXPECT_EQ(costs[0].time->low_ns, 41);
+  EXPECT_EQ(costs[3].time->p999_ns, 50) << "its own";
+  EXPECT_FALSE(costs[2].time);
+}
+
 TEST(AddCosts, givesEachRowItsModelsTickAtTheStationsRateOnly) {
-  const std::vector<ModelCost> costs = {{"VOIGT", "", 0, LoopTimes{1, 2, 3}, 100.0, 2},
-                                        {"FEM", "15 stations", 15, LoopTimes{4, 5, 6}, 200.0, 1},
-                                        {"FEM", "60 stations", 60, LoopTimes{7, 8, 9}, 300.0, 1}};
+  const std::vector<ModelCost> costs = {{"VOIGT", "", 0, LoopTimes{1, 1, 2, 3}, 100.0, 2},
+                                        {"FEM", "15 stations", 15, LoopTimes{4, 4, 5, 6}, 200.0, 1},
+                                        {"FEM", "60 stations", 60, LoopTimes{7, 7, 8, 9}, 300.0, 1}};
   AccuracyRows rows(5);
   for (AccuracyRow& row : rows) row.model = "VOIGT";
   rows[1].rate_hz = 4000;

@@ -95,22 +95,6 @@ TEST(StationSummary, tellsByHowMuchTheNeedleMissed) {
       HasSubstr("target       In the target. Where the last injection began, at the needle's opening.\n"));
 }
 
-TEST(StationSummary, tellsWhatEachLiveEffectCosts) {
-  StationSummary s = example();
-  EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["effect_costs_ns"], nullptr) << "not measured";
-  s.live_effects = {"CUTTING", "CLAMPING"};
-  s.effect_costs = EffectCosts{15.24, {{Effect::kCutting, 2.31}, {Effect::kClamping, 4.06}}};
-  const auto json = nlohmann::json::parse(summaryJson(s));
-  for (const auto& at : {json, json["rows"][0]}) {
-    EXPECT_EQ(at["effect_costs_ns"], (nlohmann::json{{"CUTTING", 2.3}, {"CLAMPING", 4.1}}));
-    EXPECT_EQ(at["engine_tick_ns"], 15.2);
-  }
-  EXPECT_THAT(
-      summaryText(s),
-      HasSubstr(
-          "their cost   15.2 ns a tick; beside the others each adds: CUTTING 2.3 ns, CLAMPING 4.1 ns\n"));
-}
-
 TEST(StationSummary, showsTheRenderedStiffnessNextToTheScore) {
   StationSummary s = example();
   EXPECT_EQ(nlohmann::json::parse(summaryJson(s))["stiffness_share"], 1);
