@@ -119,6 +119,8 @@ def library(most_layers):
 def own(text):
     """FILE.py:FUNCTION, a function (depth_m, speed_m_s, number=start, …) that returns N; each number is above 0."""
     path, _, name = text.rpartition(":")
+    if not path.endswith(".py"):
+        raise ValueError(f"--law {text}: FILE.py:FUNCTION is expected")
     spec = importlib.util.spec_from_file_location("own_law", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -158,7 +160,7 @@ class Curve:
         return np.add.reduceat(rows, self.first) / self.rows
 
     def predicted(self, law, theta, member=None):
-        force = law.force(self.grid_m, self.speed, law.values(theta), member) if member else law.force(self.grid_m, self.speed, law.values(theta))
+        force = law.force(self.grid_m, self.speed, law.values(theta), member)
         area = np.concatenate([[0], np.cumsum((force[1:] + force[:-1]) * STEP_M / 2)])
         ends = np.interp(self.depth_m[:, None] + [-self.half_m, self.half_m], self.grid_m, area)
         return self.means((ends[:, 1] - ends[:, 0]) / (2 * self.half_m))
