@@ -23,12 +23,10 @@ using SimCommand = std::function<int()>;
 /// must outlive the parsing.
 void addAccuracyCommand(CLI::App& app, SimCommand& chosen);
 void addAnatomyCommand(CLI::App& app, SimCommand& chosen);
-void addBenchmarkCommand(CLI::App& app, SimCommand& chosen);
 void addRunCommand(CLI::App& app, SimCommand& chosen);
 void addFiguresCommand(CLI::App& app, SimCommand& chosen);
 void addPrecomputeCommand(CLI::App& app, SimCommand& chosen);
 void addScoreCommand(CLI::App& app, SimCommand& chosen);
-void addSkillCommand(CLI::App& app, SimCommand& chosen);
 void addStabilityCommand(CLI::App& app, SimCommand& chosen);
 void addEffectsCommand(CLI::App& app, SimCommand& chosen);
 void addStiffnessCommand(CLI::App& app, SimCommand& chosen);

@@ -26,8 +26,6 @@ int runSim(int argc, const char* const* argv) {
     addPrecomputeCommand(app, chosen);
     addScoreCommand(app, chosen);
     addAccuracyCommand(app, chosen);
-    addBenchmarkCommand(app, chosen);
-    addSkillCommand(app, chosen);
     addAnatomyCommand(app, chosen);
     addStabilityCommand(app, chosen);
     addEffectsCommand(app, chosen);

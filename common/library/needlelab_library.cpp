@@ -3,12 +3,14 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "common/base/range.h"
+#include "common/curves/curve_set.h"
 #include "common/fem/needle_mesh.h"
 #include "common/gesture/sample.h"
 #include "common/gesture/whole_recording.h"
@@ -28,6 +30,11 @@ struct nl_recording {
 };
 struct nl_scores {
   std::vector<needlelab::Measure> measures;
+};
+struct nl_curves {
+  std::vector<needlelab::ForceCurve> curves;
+  std::vector<needlelab::CurveColumns> rows;  // of each
+  std::string metadata;
 };
 
 namespace needlelab {
@@ -76,6 +83,24 @@ Result<std::unique_ptr<nl_scores>> scored(std::span<const GestureSample> samples
   }
   return std::make_unique<nl_scores>(nl_scores{
       scoreGesture(samples, rate_hz, profile, X_WL, exercise_json != nullptr ? &exercise : nullptr)});
+}
+
+Result<std::unique_ptr<nl_curves>> readCurves(const char* folder, const char* options_json) {
+  CurveOptions options;
+  if (options_json != nullptr) {
+    ASSIGN_OR_RETURN(options, parseCurveOptions(options_json));
+  }
+  ASSIGN_OR_RETURN(auto set, readCurveSet(folder, options.description, options.reading));
+  auto made = std::make_unique<nl_curves>();
+  for (const ForceCurve& curve : set.curves) made->rows.push_back(columnsOf(curve));
+  made->curves = std::move(set.curves);
+  made->metadata = nlohmann::json{
+      {"name", set.name},
+      {"licence", set.licence},
+      {"source", set.source},
+      {"notes",
+       set.notes}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return made;
 }
 
 }  // namespace
@@ -173,4 +198,38 @@ int nl_scores_get(const nl_scores* scores, size_t index, nl_measure* measure) {
   whole.value = found.measured ? found.value : std::numeric_limits<double>::quiet_NaN();
   std::memcpy(measure, &whole, std::min<std::size_t>(measure->size, sizeof whole));
   return 1;
+}
+
+nl_curves* nl_curves_read(const char* folder, const char* options, char* error, size_t error_size) {
+  return atBorder(error, error_size, [&] { return readCurves(folder, options); });
+}
+void nl_curves_destroy(nl_curves* curves) {
+  delete curves;
+}
+size_t nl_curves_count(const nl_curves* curves) {
+  return curves->curves.size();
+}
+int nl_curves_get(const nl_curves* curves, size_t index, nl_curve* curve) {
+  static_assert(sizeof(CurvePhase) == sizeof(uint8_t));
+  if (index >= curves->curves.size()) return 0;
+  const ForceCurve& found = curves->curves[index];
+  const CurveColumns& rows = curves->rows[index];
+  nl_curve whole{};
+  whole.size = curve->size;
+  whole.name = found.name.c_str();
+  whole.specimen = found.specimen.c_str();
+  whole.needle = found.needle.c_str();
+  whole.tissue = found.tissue.c_str();
+  whole.speed_m_s = found.speed_mps;
+  whole.diameter_m = found.diameter_m;
+  whole.count = rows.depth_m.size();
+  whole.depth_m = rows.depth_m.data();
+  whole.force_n = rows.force_N.data();
+  whole.t_s = rows.t_s.data();
+  whole.phase = reinterpret_cast<const uint8_t*>(rows.phase.data());
+  std::memcpy(curve, &whole, std::min<std::size_t>(curve->size, sizeof whole));
+  return 1;
+}
+const char* nl_curves_metadata(const nl_curves* curves) {
+  return curves->metadata.c_str();
 }

@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,7 @@ using SceneHandle = Handle<nl_scene, nl_scene_destroy>;
 using EngineHandle = Handle<nl_engine, nl_engine_destroy>;
 using RecordingHandle = Handle<nl_recording, nl_recording_destroy>;
 using ScoresHandle = Handle<nl_scores, nl_scores_destroy>;
+using CurvesHandle = Handle<nl_curves, nl_curves_destroy>;
 
 /// Calls a function of C with room for its message; a null or 0 becomes ValueError.
 template <typename Function, typename... Arguments>
@@ -282,6 +284,35 @@ py::list score(const py::array& samples, double rate_hz, const Scene& scene,
   return rows;
 }
 
+py::object parsed(const char* json) {
+  return py::module_::import("json").attr("loads")(json);
+}
+
+/// Curves are named tuples; their arrays are views that keep the set.
+py::tuple readCurves(const std::string& folder, const py::kwargs& options) {
+  const auto json = py::module_::import("json").attr("dumps")(options).cast<std::string>();
+  auto owned = std::make_unique<CurvesHandle>(checked(nl_curves_read, folder.c_str(), json.c_str()));
+  const nl_curves* const set = owned->get();
+  const py::capsule keeps(owned.release(), [](void* handle) { delete static_cast<CurvesHandle*>(handle); });
+  const auto tuple = py::module_::import("collections").attr("namedtuple");
+  const py::object row =
+      tuple("Curve", "name specimen needle tissue speed_m_s diameter_m depth_m force_n t_s phase");
+  py::list curves;
+  nl_curve one{};
+  one.size = sizeof one;
+  for (std::size_t i = 0; nl_curves_get(set, i, &one) != 0; ++i) {
+    const auto view = [&](const auto* first) {
+      py::array made(py::dtype::of<std::decay_t<decltype(*first)>>(), {static_cast<py::ssize_t>(one.count)},
+                     {}, first, keeps);
+      made.attr("flags").attr("writeable") = false;
+      return made;
+    };
+    curves.append(row(one.name, one.specimen, one.needle, one.tissue, one.speed_m_s, one.diameter_m,
+                      view(one.depth_m), view(one.force_n), view(one.t_s), view(one.phase)));
+  }
+  return tuple("Curves", "curves metadata")(curves, parsed(nl_curves_metadata(set)));
+}
+
 py::dict units() {
   py::dict all;
   for (const Column& column : kReportColumns) all[column.name] = column.unit;
@@ -311,6 +342,10 @@ PYBIND11_MODULE(needlelab, module) {
       "score", &score, py::arg("samples"), py::arg("rate_hz"), py::arg("scene"),
       py::arg("exercise") = py::none(),
       "The measures of `needlelab-sim score`, as rows (name, value, unit, passed, incomplete, words). exercise: JSON.");
+  module.def(
+      "read_curves", &readCurves, py::arg("folder"),
+      "Force curves of a folder (FIT.md): `curves`, rows (name, specimen, …, depth_m, force_n, t_s, phase), and "
+      "`metadata` with notes. Options: describe, digitised, encoding, force_unit, lines_above, negate, tare.");
   py::class_<Scene>(module, "Scene")
       .def("run", &run, py::arg("poses"),
            "Each tick's report: an array whose columns have names and `units`.")
@@ -343,8 +378,6 @@ PYBIND11_MODULE(needlelab, module) {
                              [](const Recording& read) { return nl_recording_rate_hz(read.recording.get()); })
       .def_property_readonly(
           "metadata",
-          [](const Recording& read) {
-            return py::module_::import("json").attr("loads")(nl_recording_metadata(read.recording.get()));
-          })
+          [](const Recording& read) { return parsed(nl_recording_metadata(read.recording.get())); })
       .def_property_readonly("holes", &Recording::holes);
 }

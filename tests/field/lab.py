@@ -25,7 +25,10 @@ class Programs:
         self.bin, self.folder = bin_folder, folder
 
     def run(self, program, *words, env=None, stdout=None):
-        command = [str(self.bin / f"needlelab-{program}"), *map(str, words)]
+        return self.start([self.bin / f"needlelab-{program}", *words], env, stdout)
+
+    def start(self, words, env=None, stdout=None):
+        command = [str(word) for word in words]
         output = {"stdout": stdout, "stderr": subprocess.PIPE} if stdout else {"capture_output": True}
         done = subprocess.run(command, stdin=subprocess.DEVNULL, env={**os.environ, **(env or {})}, timeout=PATIENCE_S, check=False, **output)
         done.stdout = (done.stdout or b"").decode(errors="replace")

@@ -113,6 +113,38 @@ def laws(needlelab):
     assert set(scene.run(poses[:1]).dtype.names) <= set(needlelab.units)
 
 
+def curves(needlelab, folder):
+    """A curve in, at rest and out comes as it was written, by views that keep the set; options are checked."""
+    data = folder / "curves"
+    data.mkdir()
+    way = [0.001 * k for k in range(11)]
+    rows = [("insert", k * 0.1, d, 100 * d) for k, d in enumerate(way)] + [("hold", 1.1 + k * 0.1, 0.01, 0.8) for k in range(10)]
+    rows += [("withdraw", 2.1 + k * 0.05, d, -10 * d) for k, d in enumerate(reversed(way))]
+    (data / "a.csv").write_text("phase,t_s,depth_m,force_n\n" + "".join(f"{p},{t:.3f},{d:.4f},{f:.4f}\n" for p, t, d, f in rows))
+    (data / "data_set.json").write_text('{"name": "three ways", "curves": [{"file": "a.csv", "specimen": "s", "needle": "n", "tissue": "gel", "needle_diameter_m": 0.001}]}')
+    read = needlelab.read_curves(str(data))
+    [one] = read.curves
+    assert (one.name, one.specimen, one.needle, one.tissue, one.diameter_m) == ("a.csv", "s", "n", "gel", 0.001) and abs(one.speed_m_s - 0.01) < 1e-12
+    assert read.metadata["name"] == "three ways" and any("data_set.json" in note for note in read.metadata["notes"])
+    depth, force = one.depth_m, one.force_n
+    assert not depth.flags.writeable and not depth.flags.owndata
+    del read
+    assert one.phase.tolist() == [0] * 11 + [1] * 10 + [2] * 11
+    assert np.allclose(depth, [row[2] for row in rows]) and np.allclose(force, [row[3] for row in rows])
+    # a phase begins where the one before ended
+    own = one.t_s - np.where(one.phase == 0, 0, np.where(one.phase == 1, 1.0, 1.9))
+    assert np.allclose(own, [0.1 * k for k in range(11)] + [0.1 * k for k in range(10)] + [0.05 * k for k in range(11)])
+    assert np.allclose(needlelab.read_curves(str(data), force_unit="mN").curves[0].force_n, force / 1000)
+    for options, words in [({"force_unit": "lb"}, '"lb" is not one of N, mN, gf, kgf'), ({"negate": ["time"]}, "depth or force"), ({"lines_above": -1}, "0 to 1000"),
+                           ({"tare": 1}, "true or false"), ({"encoding": "latin-9"}, "windows-1252"), ({"units": "N"}, "unknown field")]:
+        try:
+            needlelab.read_curves(str(data), **options)
+        except ValueError as error:
+            assert words in str(error), error
+        else:
+            raise AssertionError(f"{options} were taken")
+
+
 def page(folder, environment, plots):
     """Each program of the page, as a reader copies it."""
     text = (ROOT / "common/python/README.md").read_text()
@@ -152,6 +184,7 @@ def main():
         runs_as_the_program(needlelab, sim, folder)
         scores_as_the_program(needlelab, sim)
         laws(needlelab)
+        curves(needlelab, folder)
         page(folder, environment, options.plots)
 
 

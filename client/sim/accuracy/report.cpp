@@ -46,21 +46,10 @@ std::string timeCell(const AccuracyRow& row) {
 }
 
 std::string rowCell(const AccuracyRow& row) {
-  std::string name = row.comparator == Comparator::kValidation ? row.model : nameOf(row);
+  std::string name = nameOf(row);
   if (row.nodes) name += fmt::format(", {:.0f} nodes", *row.nodes);
   if (row.stations) name += fmt::format(", {:.0f} stations", *row.stations);
-  if (row.comparator == Comparator::kValidation) {
-    const bool engine = std::find(std::begin(kAxialModelNames), std::end(kAxialModelNames), row.model) !=
-                        std::end(kAxialModelNames);
-    // of a fitted scene's name keep only what distinguishes rows
-    if (row.scene.rfind("insertion", 0) != 0)
-      name += row.variant.empty() ? "" : ", " + row.variant;
-    else if (row.variant.rfind("PUNCTURE", 0) == 0)
-      name += ", membranes";
-    else if (!engine && !row.line)
-      name += " (law only)";
-  }
-  return row.line ? name + " (baseline)" : name;
+  return name;
 }
 
 struct Column {
@@ -132,8 +121,8 @@ std::string accuracyTable(const AccuracyRows& rows) {
   if (!rows.empty())
     out += wrapped(
         fmt::format(
-            "Error: rms; in brackets its 95 % interval, Student's over gestures, halves of a curve or hands. "
-            "Beyond 7 %: share of ticks (of a curve: of bins) whose error is more than 7 % of the local force, "
+            "Error: rms; in brackets its 95 % interval, Student's over gestures or hands. "
+            "Beyond 7 %: share of ticks whose error is more than 7 % of the local force, "
             "and more than the {:.1f} mN that a hand notices beside little force. Before: the preparation, "
             "before the lesson. Tick: tool, gate and engine in the station's loop at 1 kHz, the median; in "
             "brackets its range over three rounds. Models whose ranges overlap are not told apart: they have "

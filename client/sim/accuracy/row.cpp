@@ -24,8 +24,6 @@ const ComparatorText& textOf(Comparator comparator) {
        "law is that of tissue"},
       {"refinement", "Refinement: FEM with more stations and a finer mesh, at the same E",
        "how far a mesh is from the finest, and its price; not whether linear elasticity is that of tissue"},
-      {"validation", "Validation: models beside measured curves, on what they were not fitted on",
-       "how closely a model can follow these curves; with one specimen of each not which model is right"},
       {"replay", "Replay: each model along recorded hands, against itself at 16 times the rate",
        "what a loop of 1 kHz and encoders of 10 µm cost in a hand's own motion; not which law is right, and "
        "the hand does not feel the force"},
@@ -44,7 +42,6 @@ Json jsonOf(const AccuracyRow& row) {
           {"scene", row.scene},
           {"model", row.model},
           {"variant", row.variant.empty() ? Json(nullptr) : Json(row.variant)},
-          {"baseline", row.line},
           {"against", row.against},
           {"rate_hz", orNull(row.rate_hz)},
           {"encoder_m", orNull(row.encoder_m)},

@@ -19,10 +19,9 @@ namespace needlelab {
 enum class Comparator : std::uint8_t {
   kVerification,  ///< its own closed form: is the law computed as written
   kRefinement,    ///< FEM with more stations and a finer mesh, at the same E
-  kValidation,    ///< measured curves, on parts that were held out
   kReplay,        ///< itself at 16 times the rate, along a recorded hand
 };
-inline constexpr std::size_t kComparatorCount = 4;
+inline constexpr std::size_t kComparatorCount = 3;
 
 /// Its name on the command line, its title, and what it shows.
 struct ComparatorText {
@@ -39,21 +38,19 @@ struct LoopTimes {
 /// Missing values are empty, and null in JSON.
 struct AccuracyRow {
   Comparator comparator = Comparator::kVerification;
-  std::string scene;    ///< e.g. "three layers", "insertion: all beyond half of the depth"
-  std::string model;    ///< a name of kAxialModelNames, or of a baseline or formula
+  std::string scene;    ///< e.g. "three layers"
+  std::string model;    ///< a name of kAxialModelNames
   std::string variant;  ///< of the model; empty for the default
   std::string against;  ///< reference of the error, never empty
-  bool line = false;    ///< a baseline, drawn as a line, instead of a model
   std::optional<double> rate_hz, encoder_m, nodes, stations;
-  /// RMS of force, with its 95 % interval over gestures, halves of a curve or recordings; infinite bounds if
+  /// RMS of force, with its 95 % interval over gestures or recordings; infinite bounds if
   /// there is one value only. Of the verification: between the formula's jumps.
   std::optional<MeanInterval> error_N;
   std::optional<double> greatest_N;  ///< the greatest error of those
   std::string greatest_at;           ///< where on the gesture; may be empty
   std::optional<double> delay_s;     ///< the greatest, from a jump of the formula until the engine shows it
   std::optional<double> prepare_s;   ///< FEM: mesh and compliance, before the lesson
-  std::optional<double> beyond;      ///< share of ticks (or bins) with an error that a hand may notice
-                                     ///< (ForceError)
+  std::optional<double> beyond;      ///< share of ticks with an error that a hand may notice (ForceError)
   std::optional<LoopTimes> time;
   std::optional<double> instructions;  ///< per tick, mean over a gesture
   std::optional<double> margin;        ///< stiffness that the device alone can render, relative to the

@@ -25,7 +25,6 @@ const std::vector<AccuracyStudy>& accuracyStudies() {
   static const std::vector<AccuracyStudy> studies = {
       {Comparator::kVerification, verificationRows},
       {Comparator::kRefinement, refinementRows},
-      {Comparator::kValidation, validationRows},
       {Comparator::kReplay, replayRows},
   };
   return studies;
@@ -196,13 +195,12 @@ Status stepForCounting() {
 
 void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows) {
   for (AccuracyRow& row : rows) {
-    if (row.line || (row.rate_hz && *row.rate_hz != kStationRate_hz)) continue;
-    // FEM by its stations, if given; a fitted model's variant is its scene and has the same tick
+    if (row.rate_hz && *row.rate_hz != kStationRate_hz) continue;
+    // FEM by its stations, if given
     const auto fits = [&](const ModelCost& cost) {
       if (cost.model != row.model) return false;
       if (cost.stations > 0) return row.stations && *row.stations == cost.stations;
-      return cost.variant == row.variant ||
-             (row.comparator == Comparator::kValidation && cost.variant.empty());
+      return cost.variant == row.variant;
     };
     const auto at = std::find_if(costs.begin(), costs.end(), fits);
     if (at == costs.end()) continue;

@@ -11,7 +11,6 @@
 
 #include "client/sim/accuracy/closed_form.h"
 #include "client/sim/accuracy/row.h"
-#include "client/sim/benchmark/curve_set.h"
 #include "common/base/result.h"
 #include "common/fem/needle_study.h"
 #include "common/haptics/engine.h"
@@ -46,12 +45,6 @@ Result<AccuracyRows> verificationRows(const AccuracyOptions& options, const Accu
 /// Its preparation is timed once for each.
 Result<AccuracyRows> refinementRows(const AccuracyOptions& options, const AccuracyProgress& progress,
                                     std::vector<std::string>& notes);
-
-/// Models fitted to measured curves and judged on held-out parts, with baselines; hold and withdrawal.
-Result<AccuracyRows> validationRows(const AccuracyOptions& options, const AccuracyProgress& progress,
-                                    std::vector<std::string>& notes);
-/// The part about insertions, for any set of curves.
-Result<AccuracyRows> insertionRows(const CurveSet& set, const AccuracyProgress& progress);
 
 /// All models at equal stiffness along recorded hands.
 Result<AccuracyRows> replayRows(const AccuracyOptions& options, const AccuracyProgress& progress,
@@ -106,7 +99,7 @@ Status countInstructions(const std::vector<std::string>& command, std::vector<Mo
 /// Steps every model through the gesture, and marks the end of each (tick_cost.h).
 Status stepForCounting();
 
-/// Adds each model's cost to its rows: only models (no baselines), at the station's rate.
+/// Adds each model's cost to its rows at the station's rate.
 void addCosts(const std::vector<ModelCost>& costs, AccuracyRows& rows);
 
 // --- verification: the engine beside a closed form along one gesture

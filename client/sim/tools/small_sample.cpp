@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 
 namespace needlelab {
 
@@ -66,19 +65,6 @@ ShareInterval wilsonInterval(double share, std::size_t count) {
   const double z2 = kNormal975 * kNormal975, middle = (share + z2 / (2 * n)) / (1 + z2 / n);
   const double half = kNormal975 / (1 + z2 / n) * std::sqrt(share * (1 - share) / n + z2 / (4 * n * n));
   return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
-}
-
-std::vector<double> holmCorrected(std::span<const double> p) {
-  std::vector<std::size_t> order(p.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return p[a] < p[b]; });
-  std::vector<double> corrected(p.size());
-  double least = 0;  // keeps the corrected values in the order of p
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    least = std::max(least, std::min(1.0, static_cast<double>(order.size() - k) * p[order[k]]));
-    corrected[order[k]] = least;
-  }
-  return corrected;
 }
 
 }  // namespace needlelab

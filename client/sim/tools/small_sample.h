@@ -1,5 +1,4 @@
-/// Statistics for few independent values: intervals of a mean and of a share, and tests corrected for their
-/// number.
+/// Statistics for few independent values: intervals of a mean and of a share.
 #pragma once
 
 #include <cstddef>
@@ -30,10 +29,5 @@ struct ShareInterval {
   double low = 0, high = 1;
 };
 ShareInterval wilsonInterval(double share, std::size_t count);
-
-/// The p values of several tests, corrected by Holm's method (1979), in the given order: each at least its
-/// own p, at most 1. The chance that any test whose groups do not differ reaches α is at most α, however the
-/// tests depend on each other.
-std::vector<double> holmCorrected(std::span<const double> p);
 
 }  // namespace needlelab

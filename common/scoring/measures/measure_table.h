@@ -94,7 +94,7 @@ struct MeasureKind {
   std::uint8_t in_lists = 0;    ///< place among the main measures in lists of sessions, from 1; 0: none
   std::uint8_t in_reports = 0;  ///< place among the plots of progress in a report, from 1; 0: none
   /// For measures without a unit: the largest difference between two rates of the loop that counts as equal
-  /// in studies (client/sim/skill).
+  /// in studies.
   double rate_tolerance = 0;
   bool over_holes = false;  ///< holds although a part of the recording is missing
   YesNoWords yes_no = {};   ///< for MeasureForm::kYesNo

@@ -12,6 +12,7 @@ extern "C" {
 typedef struct nl_profile nl_profile;      ///< of one thread at a time
 typedef struct nl_recording nl_recording;  ///< immutable
 typedef struct nl_scores nl_scores;        ///< immutable
+typedef struct nl_curves nl_curves;        ///< immutable
 
 // ---- a patient's profile, as `needlelab-admin profile export` writes it
 
@@ -70,6 +71,29 @@ NL_API void nl_scores_destroy(nl_scores* scores);
 NL_API size_t nl_scores_count(const nl_scores* scores);
 /// `measure->size` is set by the caller; texts live as long as the scores. 0: no such index.
 NL_API int nl_scores_get(const nl_scores* scores, size_t index, nl_measure* measure);
+
+// ---- force curves: a folder of tables of force over depth or time (FIT.md beside the Python module)
+
+/// A curve: rows of the way in, then at rest, then out. Texts and arrays live as long as the curves.
+typedef struct {
+  uint32_t size;
+  const char *name, *specimen, *needle, *tissue;
+  double speed_m_s;   ///< of the way in
+  double diameter_m;  ///< the needle's; 0: not known
+  size_t count;       ///< of rows
+  const double *depth_m, *force_n;
+  const double* t_s;     ///< since the first row, at the mean speeds of the way in and out
+  const uint8_t* phase;  ///< 0 in, 1 at rest, 2 out
+} nl_curve;
+
+/// `options`: JSON (`common/curves/curve_set.h`), {"tare": true}, or null.
+NL_API nl_curves* nl_curves_read(const char* folder, const char* options, char* error, size_t error_size);
+NL_API void nl_curves_destroy(nl_curves* curves);
+NL_API size_t nl_curves_count(const nl_curves* curves);
+/// `curve->size` is set by the caller. 0: no such index.
+NL_API int nl_curves_get(const nl_curves* curves, size_t index, nl_curve* curve);
+/// JSON: name, licence, source of the set; notes on what was left out or changed.
+NL_API const char* nl_curves_metadata(const nl_curves* curves);
 
 #ifdef __cplusplus
 }

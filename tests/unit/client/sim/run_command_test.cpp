@@ -389,8 +389,6 @@ TEST(EveryCommand, refusesAJsonFileThatIsOneOfItsTablesOrPictures) {
   } commands[] = {
       {{"figures", "--out"}, {"fig07.csv", "fig09.png", "fig11.csv", "fig11.png"}},
       {{"effects", "--no-instructions", "--out"}, {"effects.csv", "effects_marginal.csv", "effects.png"}},
-      {{"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1", "--pictures"},
-       {"skill.csv", "skill.png"}},
       {{"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
        {"stability.dat", "stability.png", "stability-holds.csv", "stiffness_limits.json", "device.png"}},
       {{"accuracy", "--study", "verification", "--out"}, {"accuracy.csv"}}};
@@ -412,7 +410,6 @@ TEST(EveryCommand, refusesAJsonFileInNoFolderBeforeTheWork) {
   const std::vector<std::vector<std::string>> lines = {
       {"figures", "--out"},
       {"effects", "--no-instructions", "--out"},
-      {"skill", "--trainees", "4", "--attempts", "1", "--exercises", "1", "--pictures"},
       {"stability", "--case", "boundary_hold", "--model", "DIRECT", "--out"},
       {"accuracy", "--study", "verification", "--out"}};
   for (auto line : lines) {

@@ -92,20 +92,15 @@ TEST(AddCosts, givesEachRowItsModelsTickAtTheStationsRateOnly) {
   const std::vector<ModelCost> costs = {{"VOIGT", "", 0, LoopTimes{1, 1, 2, 3}, 100.0, 2},
                                         {"FEM", "15 stations", 15, LoopTimes{4, 4, 5, 6}, 200.0, 1},
                                         {"FEM", "60 stations", 60, LoopTimes{7, 7, 8, 9}, 300.0, 1}};
-  AccuracyRows rows(5);
+  AccuracyRows rows(3);
   for (AccuracyRow& row : rows) row.model = "VOIGT";
   rows[1].rate_hz = 4000;
-  rows[2].line = true;
-  rows[3].comparator = Comparator::kValidation;
-  rows[3].variant = "3 numbers";
-  rows[4].model = "FEM";
-  rows[4].stations = 60;
+  rows[2].model = "FEM";
+  rows[2].stations = 60;
   addCosts(costs, rows);
   EXPECT_EQ(rows[0].time->p999_ns, 3);
   EXPECT_FALSE(rows[1].time) << "another rate";
-  EXPECT_FALSE(rows[2].time) << "a baseline has no tick";
-  EXPECT_EQ(rows[3].instructions, 100.0) << "a fitted scene's tick is its model's";
-  EXPECT_EQ(rows[4].instructions, 300.0);
+  EXPECT_EQ(rows[2].instructions, 300.0);
 }
 
 }  // namespace

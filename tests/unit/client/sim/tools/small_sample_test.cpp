@@ -3,13 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
-#include <vector>
-
-#include "client/device/hand/hand.h"
 
 namespace needlelab {
 namespace {
@@ -57,33 +53,6 @@ TEST(WilsonInterval, solvesItsEquation) {
     EXPECT_GE(interval.high, share - 1e-12);
   }
   EXPECT_EQ(wilsonInterval(0, 0).high, 1);
-}
-
-TEST(HolmCorrected, byHand) {
-  // 4 tests: 0.01·4, 0.02·3, 0.03·2 (not below the previous one), 0.5·1
-  const auto corrected = holmCorrected(std::vector<double>{0.03, 0.01, 0.5, 0.02});
-  const std::vector<double> expected{0.06, 0.04, 0.5, 0.06};
-  ASSERT_EQ(corrected.size(), expected.size());
-  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(corrected[i], expected[i], 1e-15) << i;
-  EXPECT_EQ(holmCorrected(std::vector<double>{0.4, 0.9, 0.8}), (std::vector<double>{1, 1, 1}));
-  EXPECT_EQ(holmCorrected(std::vector<double>{0.04}), std::vector<double>{0.04});
-  EXPECT_TRUE(holmCorrected(std::vector<double>{}).empty());
-}
-
-// k tests without a difference: uncorrected, some p is almost always below 0.05; corrected, in 1 study of 20
-TEST(HolmCorrected, keepsTheChanceOfAnyErrorAtTheLevel) {
-  HandRandom random(9);
-  int plain = 0, corrected = 0;
-  constexpr int kStudies = 4000;
-  for (int study = 0; study < kStudies; ++study) {
-    std::vector<double> p(37);
-    for (double& one : p) one = random.uniform();
-    plain += *std::min_element(p.begin(), p.end()) <= 0.05;
-    const auto all = holmCorrected(p);
-    corrected += *std::min_element(all.begin(), all.end()) <= 0.05;
-  }
-  EXPECT_NEAR(plain / static_cast<double>(kStudies), 1 - std::pow(0.95, 37), 0.03);
-  EXPECT_NEAR(corrected / static_cast<double>(kStudies), 1 - std::pow(1 - 0.05 / 37, 37), 0.015);
 }
 
 }  // namespace
