@@ -158,8 +158,10 @@ void printAsEqual(std::vector<ModelCost>& costs) {
   for (std::size_t from = 0, to = 0; from < times.size(); from = to) {
     std::vector<double> p50_ns;
     LoopTimes common = *times[from];
-    for (; to < times.size() && times[to]->low_ns <= common.high_ns; ++to) {
+    double least_high_ns = common.high_ns;  // what begins below it overlaps each of the group
+    for (; to < times.size() && times[to]->low_ns <= least_high_ns; ++to) {
       common.high_ns = std::max(common.high_ns, times[to]->high_ns);
+      least_high_ns = std::min(least_high_ns, times[to]->high_ns);
       p50_ns.push_back(times[to]->p50_ns);
     }
     for (std::size_t i = from; i < to; ++i)

@@ -89,8 +89,8 @@ struct ModelCost {
 /// Errors: those of `compile`; kFailed if the loop ended early.
 Result<std::vector<ModelCost>> measureCosts(double seconds, const AccuracyProgress& progress);
 
-/// Gives all models of a run of overlapping ranges (low_ns to high_ns) the whole range, and the median of
-/// their p50_ns: these times do not tell them apart.
+/// From the fastest on: models whose ranges (low_ns to high_ns) all overlap each other get the whole range,
+/// and the median of their p50_ns: these times do not tell them apart.
 void printAsEqual(std::vector<ModelCost>& costs);
 
 /// Counts the instructions of a tick of each model over one gesture. `command` must be a program that calls
