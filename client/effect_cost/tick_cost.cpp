@@ -114,44 +114,11 @@ std::vector<TipSample> measuringGesture(const SceneSpec& scene, double rate_hz) 
   return gesture;
 }
 
-// Hands out copies of the paths that were found in the first gesture.
-class TickRun::Paths final : public PathMaker {
- public:
-  explicit Paths(const SceneModel& body) : in_place_(body) {}
-  void rewind() {
-    replays_ = true;
-    next_ = 0;
-    given_.clear();
-    for (const auto& path : found_) given_.push_back(path ? std::make_unique<PathStack>(*path) : nullptr);
-  }
-  void ask(const PathAsk& ask) noexcept override {
-    if (!replays_) in_place_.ask(ask);
-  }
-  bool take(PathStack*& made) noexcept override {
-    if (replays_) {
-      made = next_ < given_.size() ? given_[next_++].get() : nullptr;
-      return true;
-    }
-    const bool answers = in_place_.take(made);
-    found_.push_back(made != nullptr ? std::make_unique<PathStack>(*made) : nullptr);
-    return answers;
-  }
-  void retire(PathStack* path) noexcept override {
-    if (!replays_) in_place_.retire(path);
-  }
-
- private:
-  PathsInPlace in_place_;
-  bool replays_ = false;
-  std::vector<std::unique_ptr<PathStack>> found_, given_;
-  std::size_t next_ = 0;
-};
-
 TickRun::TickRun(const SceneModel& model, const std::vector<TipSample>& gesture, bool capped)
     : model_(model),
       gesture_(gesture),
       capped_(capped),
-      paths_(model.body_spec ? std::make_unique<Paths>(model) : nullptr) {
+      paths_(model.body_spec ? std::make_unique<FoundPaths>(model) : nullptr) {
   begin();
   if (!paths_) return;
   for (const TipSample& sample : gesture_) engine_->step(sample, report_);

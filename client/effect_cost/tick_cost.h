@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "client/effect_cost/found_paths.h"
 #include "common/base/result.h"
 #include "common/base/time/clock.h"
 #include "common/haptics/body/body_engine.h"
@@ -41,14 +42,13 @@ class TickRun {
   [[nodiscard]] const StepReport& report() const { return report_; }
 
  private:
-  class Paths;
   void begin();
   void beginAgain();
 
   const SceneModel& model_;
   const std::vector<TipSample>& gesture_;
   bool capped_;
-  std::unique_ptr<Paths> paths_;  // null where there is no body
+  std::unique_ptr<FoundPaths> paths_;  // null where there is no body
   std::unique_ptr<SceneEngine> engine_;
   StepReport report_;
   std::size_t next_ = 0;

@@ -15,7 +15,6 @@
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/gate/force_gate.h"
 #include "common/haptics/worker/path_worker.h"
-#include "common/library/own_law.h"
 #include "common/library/scene_handle.h"
 
 struct nl_engine {

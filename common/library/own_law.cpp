@@ -1,5 +1,4 @@
-#include "common/library/own_law.h"
-
+/// A law of the user's own instead of a scene's axial model.
 #include <fmt/core.h>
 
 #include <memory>
@@ -7,6 +6,7 @@
 
 #include "common/base/range.h"
 #include "common/haptics/effects/step_live.h"
+#include "common/library/scene_handle.h"
 
 namespace needlelab {
 namespace {

@@ -51,6 +51,10 @@ inline Pose poseOf(const nl_pose& pose) {
   return {vec3Of(pose.p_m), {pose.q[0], pose.q[1], pose.q[2], pose.q[3]}};
 }
 
+/// As nl_scene_with_law. Errors: kInvalidInput for a body, and for a slope outside [0, 10000] N/m.
+Result<std::unique_ptr<nl_scene>> sceneWithLaw(const nl_scene& scene, nl_law law, void* user,
+                                               double steepest_N_per_m);
+
 }  // namespace needlelab
 
 struct nl_scene {

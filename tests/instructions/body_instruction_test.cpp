@@ -7,6 +7,7 @@
 #include <cstring>
 #include <numbers>
 
+#include "client/effect_cost/found_paths.h"
 #include "client/effect_cost/tick_cost.h"
 #include "common/haptics/body/body_engine.h"
 #include "tests/support/anatomy/bodies.h"
@@ -14,37 +15,6 @@
 
 namespace needlelab::test {
 namespace {
-
-/// Hands out the paths that an engine was given in the same motion.
-class Prepared final : public PathMaker {
- public:
-  /// First it makes them itself.
-  explicit Prepared(const SceneModel& body) : in_place_(body) {}
-  void replay() { replays_ = true; }
-
-  void ask(const PathAsk& ask) noexcept override {
-    if (!replays_) in_place_.ask(ask);
-  }
-  bool take(PathStack*& made) noexcept override {
-    if (replays_) {
-      made = next_ < paths_.size() ? paths_[next_].get() : nullptr;
-      ++next_;
-      return true;
-    }
-    const bool answers = in_place_.take(made);
-    paths_.push_back(made != nullptr ? std::make_unique<PathStack>(*made) : nullptr);
-    return answers;
-  }
-  void retire(PathStack* path) noexcept override {
-    if (!replays_) in_place_.retire(path);
-  }
-
- private:
-  PathsInPlace in_place_;
-  bool replays_ = false;
-  std::vector<std::unique_ptr<PathStack>> paths_;
-  std::size_t next_ = 0;
-};
 
 struct Gesture {
   const char* name;
@@ -117,14 +87,14 @@ int runGestures() {
   const auto shells = std::make_unique<SceneModel>(*compile(slabAsShells(slab()), kRate_hz));
   const auto sphere = std::make_unique<SceneModel>(*compile(sphereOfShells(), kRate_hz));
   for (const Gesture& gesture : gestures()) {
-    Prepared paths(*body);
+    FoundPaths paths(*body);
     StepReport report;
     {
       SceneEngine first(*body, &paths);
       otherTicks(first, gesture.before, report);
       otherTicks(first, gesture.counted, report);
     }
-    paths.replay();
+    paths.rewind();
     SceneEngine in_shells(*shells), in_sphere(*sphere), in_body(*body, &paths);
     for (SceneEngine* engine : {&in_shells, &in_sphere, &in_body}) {
       otherTicks(*engine, gesture.before, report);

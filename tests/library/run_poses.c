@@ -52,7 +52,13 @@ int main(int argc, char** argv) {
       return fprintf(stderr, "tick %zu: a snapshot continues otherwise\n", i), 1;
   if (nl_engine_hash(snapshot) != nl_engine_hash(engine)) return fprintf(stderr, "another hash\n"), 1;
 
-  /* a device loop: nothing is allocated; what the gate admits is stepped as above while the paths are in time */
+  /* a device loop: nothing is allocated; in layers the forces are those above (in a body, while the paths are in time) */
+  counts = 1;
+  nl_engine_destroy(must(nl_engine_create(scene, error, sizeof error)));
+  counts = 0;
+  if (!allocated) return fprintf(stderr, "allocations are not counted\n"), 1;
+  allocated = 0;
+  const int in_layers = nl_engine_copy(live, restarted); /* both are new; refused where a worker finds the paths */
   nl_report report = {.size = sizeof report};
   for (size_t i = 0; i < n; ++i) {
     nl_pose tip;
@@ -63,6 +69,8 @@ int main(int argc, char** argv) {
     nl_get_report(live, &report);
     nl_gate_apply(gate, &wanted, &allowed);
     counts = 0;
+    if (in_layers && memcmp(wanted.force_n, reports[i].wrench.force_n, sizeof wanted.force_n) != 0)
+      return fprintf(stderr, "tick %zu: the device loop has another force\n", i), 1;
     if (i % 16 == 0) nanosleep(&(struct timespec){0, 100000}, NULL); /* for the worker */
   }
   if (allocated) return fprintf(stderr, "%ld allocations in ticks\n", allocated), 1;

@@ -162,17 +162,6 @@ void PlotBlocks::row(std::string_view block, std::initializer_list<double> numbe
   rows += '\n';
 }
 
-void PlotBlocks::columns(std::string_view block, const std::vector<std::vector<double>>& columns) {
-  std::string& rows = rowsOf(block);
-  std::size_t count = columns.empty() ? 0 : columns.front().size();
-  for (const auto& column : columns) count = std::min(count, column.size());
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t k = 0; k < columns.size(); ++k)
-      rows += fmt::format("{}{:.9g}", k > 0 ? "\t" : "", columns[k][i]);
-    rows += '\n';
-  }
-}
-
 std::string PlotBlocks::text() const {
   std::string text;
   for (const auto& [name, rows] : blocks_)

@@ -54,8 +54,6 @@ class PlotBlocks {
   /// Adds a row to a block: the numbers, then the texts.
   void row(std::string_view block, std::initializer_list<double> numbers,
            std::initializer_list<std::string_view> texts = {});
-  /// A block's rows, given by columns; the shortest column sets the number of rows.
-  void columns(std::string_view block, const std::vector<std::vector<double>>& columns);
   /// All blocks, in the order of their first rows.
   [[nodiscard]] std::string text() const;
 

@@ -33,10 +33,6 @@ Result<Pose> poseOr(const std::string& text, const char* option, Quantity reach)
 
 }  // namespace
 
-std::vector<std::string> axialModelNames() {
-  return {kAxialModelNames.begin(), kAxialModelNames.end()};
-}
-
 TipSample OfflineScene::tip(std::size_t i) const {
   const Pose X_WT = tipFromHandle(track.X_WH[i], X_HT);
   return {X_WT.p, X_WT.q};

@@ -52,9 +52,6 @@ Result<PoseTrack> readTrackAt(const std::filesystem::path& path, double rate_hz,
 /// Errors: kInvalidInput naming file, field, value and range.
 Result<OfflineScene> loadOffline(const OfflineOptions& options);
 
-/// The names of all axial models, e.g. "ENHANCED_TRACKING_WALL".
-std::vector<std::string> axialModelNames();
-
 /// `options` must outlive the parsing.
 void addOfflineOptions(CLI::App& app, OfflineOptions& options);
 

@@ -82,11 +82,6 @@ double clockCost_ns() {
   return cost_ns;
 }
 
-std::string timingText(const Timing& timing) {
-  return fmt::format("time: {} batches of {}, clock {:.2g} ns", timing.batches, timing.per_batch,
-                     timing.resolution_ns);
-}
-
 namespace {
 
 constexpr std::array<std::string_view, 12> kMonths = {"January",   "February", "March",    "April",

@@ -53,9 +53,6 @@ Timing timingOfRuns(const std::vector<double>& means_ns, std::size_t per_batch, 
 /// The cost of one reading of the clock (median of 1,000), in ns; measured once per process.
 double clockCost_ns();
 
-/// "median of 400 batches of 64, clock ±0.4 ns": for a row's uncertainty.
-std::string timingText(const Timing& timing);
-
 /// Keeps the compiler from optimising away the work that computed `value`.
 template <typename T>
 inline void keep(const T& value) {

@@ -137,16 +137,8 @@ TEST(PlotBlocks, followTheirFirstRowsAndRowsFindTheirBlock) {
   blocks.row("b", {1, 2.5});
   blocks.row("a", {}, {"one, with a comma", "two"});
   blocks.row("b", {1.0 / 7}, {"text"});
-  blocks.columns("nothing", {});
   // gnuplot separates blocks by two empty lines
   EXPECT_EQ(blocks.text(), "# b;\n1\t2.5\n0.142857143\ttext\n\n\n# a;\none, with a comma\ttwo\n");
-}
-
-TEST(PlotBlocks, unequalColumnsEndWithTheShortest) {
-  PlotBlocks blocks;
-  blocks.columns("c", {{1, 2, 3}, {4, 5}, {6, 7, 8}});
-  blocks.columns("c", {{9}, {}});
-  EXPECT_EQ(blocks.text(), "# c;\n1\t4\t6\n2\t5\t7\n");
 }
 
 }  // namespace
