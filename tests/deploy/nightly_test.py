@@ -153,7 +153,8 @@ class Running(unittest.TestCase):
         self.assertEqual(results["good"]["numbers"], {"last": 4, "sum": 7, "most": 4, "times": 2, "long": 1})
         text = self.nightly.README.read_text(encoding="utf-8")
         self.assertIn("| `good` | what good shows |", text)
-        self.assertIn("`abc1234`, passed |", text)
+        self.assertIn("Commit `abc1234`.\n\n| piece |", text)
+        self.assertRegex(text, r"\| `good` \| .* \| 20\d\d-\d\d-\d\d, passed \|")
         self.assertTrue(text.startswith("before\n") and text.endswith("after\n"), text)
         self.assertEqual(self.nightly.table_in(text)[1], self.nightly.table())
 
@@ -192,6 +193,15 @@ class Running(unittest.TestCase):
         self.nightly.commit = lambda build=None: "def5678"
         self.run_pieces(good, bad)
         self.assertEqual(runs(), 5)
+
+    def test_the_table_says_its_commit_once_and_where_a_piece_ran_on_another(self):
+        pieces = [self.piece(name, "true") for name in ("first", "second", "third")]
+        self.run_pieces(*pieces)
+        self.nightly.commit = lambda build=None: "def5678"
+        self.run_pieces(*pieces, arguments=["first", "third"])
+        text = self.nightly.README.read_text(encoding="utf-8")
+        self.assertIn("Commit `def5678`.", text)
+        self.assertEqual([line.split("`")[1] for line in text.splitlines() if "`abc1234`, passed" in line], ["second"])
 
     def test_a_piece_of_the_fuzzers_has_the_commit_of_their_build(self):
         fuzzers = self.folder / "fuzzers"

@@ -251,8 +251,5 @@ int main(int argc, char** argv) {
   save(folder / "trajectory/windows",
        viewOf("qw,qx,qy,qz,px_m,py_m,pz_m,t_s,more\r\n1,0,0,0,0,0,-.5,1e0,x\r\n"));
   save(folder / "trajectory/bad_cell", viewOf("t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,nan,0,0,0,0,0,1\n"));
-  save(folder / "address/name", viewOf("server.lab:7750"));
-  save(folder / "address/v6", viewOf("[fe80::1]:80"));
-  save(folder / "address/alone", viewOf("10.0.0.1"));
   return 0;
 }

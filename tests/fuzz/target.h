@@ -40,7 +40,6 @@ void curriculum(ByteView data);
 void spool(ByteView data);
 void live(ByteView data);
 void trajectory(ByteView data);
-void address(ByteView data);
 void http(ByteView data);
 
 void repairChunk(std::span<std::uint8_t> data, unsigned how);
@@ -58,7 +57,6 @@ inline constexpr Target kTargets[] = {
     {"spool", spool, repairSpool},
     {"live", live, repairLive},
     {"trajectory", trajectory, nullptr},
-    {"address", address, nullptr},
     {"http", http, nullptr},
 };
 

@@ -1,8 +1,7 @@
-// Fuzzes text written by people: recorded trajectories (CSV), HOST:PORT and lists of it.
+// Fuzzes text written by people: recorded trajectories (CSV).
 #include <array>
 
 #include "client/device/recording/recording_device.h"
-#include "common/wire/endpoint.h"
 #include "tests/fuzz/target.h"
 
 namespace needlelab::fuzz {
@@ -23,25 +22,6 @@ void trajectory(ByteView data) {
   const auto poses = resamplePoses(*track, 1000);
   require(poses.size() == tickCount(*track, 1000), "a pose for each tick");
   (void)resamplePlunger(*track, 1000);
-}
-
-void address(ByteView data) {
-  if (const auto all = parseEndpoints(textOf(data)); all.ok()) {
-    require(!all->empty() && all->size() <= kMaxEndpoints, "a list has servers");
-    const auto again = parseEndpoints(endpointsText(*all));
-    require(again.ok() && endpointsText(*again) == endpointsText(*all), "a list comes back");
-  }
-  const auto parsed = parseEndpoint(textOf(data));
-  if (!parsed.ok()) return;
-  if (kPlanted) {
-    // The planted fault: a fixed-size buffer for a text.
-    std::array<char, 16> host{};
-    std::memcpy(host.data(), parsed->host.data(), parsed->host.size());
-    require(host.data()[0] != '\n', "hosts");
-  }
-  require(!parsed->host.empty(), "an address has a host");
-  const auto again = parseEndpoint(endpointText(*parsed));
-  require(again.ok() && again->host == parsed->host && again->port == parsed->port, "an address comes back");
 }
 
 }  // namespace needlelab::fuzz
