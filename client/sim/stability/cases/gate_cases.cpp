@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "common/base/range.h"
 #include "common/haptics/models/like_for_like.h"
 #include "common/profile/profile.h"
+#include "common/profile/scene_of_profile.h"
 
 namespace needlelab {
 namespace {
