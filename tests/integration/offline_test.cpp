@@ -32,11 +32,6 @@ class OfflineTest : public testing::Test {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return std::make_unique<Process>("needlelab-station", arguments, lab_.path(name + ".log"));
   }
-  static std::string textOfId(const std::string& bytes) {
-    Uuid id{};
-    std::copy(bytes.begin(), bytes.end(), id.begin());
-    return uuidText(id);
-  }
   Lab lab_;
 };
 

@@ -2,7 +2,6 @@
 // when something is missing.
 #include <gmock/gmock.h>
 
-#include <cmath>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
