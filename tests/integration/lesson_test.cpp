@@ -246,45 +246,6 @@ TEST_F(LessonTest, theStationIsKilledManyTimesAndNothingIsLostOrDoubled) {
   }
 }
 
-TEST_F(LessonTest, withoutTheServerTheCacheTeachesAndTheSamplesFollowLater) {
-  lab_.startServer();
-  ASSERT_EQ(lab_.startStation("online", {"--exercise", "ball-free-practice", "--seconds", "0.3"})->wait(),
-            kExitDone);
-  ASSERT_EQ(lab_.stopServer(), kExitDone);
-  auto offline = lab_.startStation(
-      "offline", {"--exercise", "ball-free-practice", "--seconds", "1.5", "--drain", "0.2"});
-  ASSERT_EQ(offline->wait(), kExitDone)
-      << offline->said() << "an offline station with its spool safe counts as done";
-  EXPECT_THAT(offline->said(), HasSubstr("comes from the cache"));
-  const auto summary = lab_.summary("offline");
-  EXPECT_EQ(summary["samples_acked"], 0);
-  EXPECT_GE(summary["spool_left"], 2);
-  EXPECT_EQ(summary["score_source"], "station");
-  // an exercise that was never fetched is not available
-  auto unknown = lab_.startStation("unknown", {"--exercise", "knee-recess", "--seconds", "1"});
-  EXPECT_EQ(unknown->wait(), kExitFailed) << unknown->said();
-
-  lab_.startServer();
-  auto later = lab_.startStation("later", {"--exercise", "ball-free-practice", "--seconds", "0.3"});
-  ASSERT_EQ(later->wait(), kExitDone) << later->said();
-  const StoredSession stored = lab_.stored(summary["session_id"]);
-  EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
-  EXPECT_EQ(stored.samples.size(), summary["samples"]);
-}
-
-TEST_F(LessonTest, sigtermEndsTheSessionProperly) {
-  lab_.startServer();
-  auto station = lab_.startStation("station", {"--exercise", "ball-free-practice", "--hand-repeat", "0"});
-  ASSERT_TRUE(eventually([&] { return !lab_.sessions().empty() && lab_.sessions().front().chunks() >= 1; }))
-      << station->said();
-  station->signal(SIGTERM);
-  ASSERT_EQ(station->wait(), kExitDone) << station->said();
-  const auto summary = lab_.summary("station");
-  EXPECT_EQ(summary["end"], "stopped");
-  EXPECT_EQ(summary["state"], "COMPLETE");
-  EXPECT_EQ(lab_.stored(summary["session_id"]).samples.size(), summary["samples"]);
-}
-
 TEST_F(LessonTest, faultsOfAJumpingRecordingAreReportedAndStored) {
   lab_.startServer();
   const auto file = lab_.path("jump.csv");
@@ -301,31 +262,6 @@ TEST_F(LessonTest, faultsOfAJumpingRecordingAreReportedAndStored) {
   const StoredSession stored = lab_.stored(summary["session_id"]);
   EXPECT_EQ(stored.info.state(), pb::SESSION_COMPLETE);
   EXPECT_EQ(stored.samples.back().fault, 2);
-}
-
-TEST_F(LessonTest, somebodyWatchesLive) {
-  lab_.startServer();
-  auto watcher = lab_.instructor();
-  ASSERT_TRUE(watcher.ok()) << watcher.error().message;
-  pb::Envelope subscribe;
-  subscribe.mutable_subscribe()->set_subscription(1);
-  subscribe.mutable_subscribe()->set_station("station-1");
-  ASSERT_TRUE(watcher->send(subscribe).ok());
-  auto station = lab_.startStation("station", {"--exercise", "ball-free-practice", "--seconds", "2"});
-  std::uint64_t samples = 0, last_tick = 0;
-  ASSERT_TRUE(eventually([&] {
-    auto got = watcher->receive(200ms);
-    if (got.ok() && got->has_live_frame()) {
-      auto decoded = decodeChunk(viewOf(got->live_frame().data()));
-      EXPECT_TRUE(decoded.ok());
-      EXPECT_TRUE(last_tick == 0 || decoded->front().tick > last_tick);
-      last_tick = decoded->back().tick;
-      samples += decoded->size();
-    }
-    return samples >= 1000;
-  })) << station->said();
-  EXPECT_EQ(station->wait(), kExitDone) << station->said();
-  EXPECT_GT(lab_.summary("station")["live_frames"], 30);
 }
 
 TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
@@ -362,13 +298,7 @@ TEST_F(LessonTest, wrongInputIsRefusedWithItsExitCode) {
        "../../etc"},
       {{"--profile", lab_.path("bad.json")}, kExitInvalid, "bad.json"},
       {{"--profile", lab_.path("none.json")}, kExitInvalid, "none.json"},
-      {{"--exercise", "ball-free-practice", "--spool", lab_.path("fresh")},
-       kExitInvalid,
-       "These lessons are stored here"},
       {{"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--device", "joystick"}, kExitInvalid, "joystick"},
-      {{"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--device", "recording:none.csv"},
-       kExitInvalid,
-       "none.csv"},
       {{"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--model", "X"}, kExitInvalid, "'X'"},
       {{"--profile", NEEDLELAB_SAMPLES "/knee-adult.json", "--spool", good_key + "/spool"},
        kExitFailed,

@@ -87,31 +87,5 @@ TEST_F(SyringeLessonTest, aRecordingsPlungerBecomesStoredEventsWithPlaceAndTime)
   EXPECT_EQ(storedEvents(summary.at("session_id")), events);
 }
 
-TEST_F(SyringeLessonTest, theSimulatedHandAspiratesAndInjectsIntoItsTarget) {
-  lab_.startServer();
-  auto station = lab_.startStation(
-      "station", {"--exercise", "shoulder-bursa", "--device", "simulated", "--hand-speed-m-s", "0.04"});
-  ASSERT_EQ(station->wait(), kExitDone) << station->said();
-  const Json summary = lab_.summary("station");
-  const Json events = summary.at("syringe");
-  ASSERT_EQ(events.size(), 2u) << events;
-  EXPECT_EQ(events[0].at("event"), "ASPIRATION");
-  EXPECT_EQ(events[1].at("event"), "INJECTION");
-  for (const Json& event : events) {
-    EXPECT_EQ(event.at("in_tissue_share"), 1);
-    EXPECT_GT(event.at("in_target_share").get<double>(), 0.8) << event;
-    EXPECT_EQ(event.at("begin").at("target"), "subacromial bursa");
-    EXPECT_TRUE(event.at("hazards").empty());
-  }
-  for (const Json& row : summary.at("score")) {
-    const std::string name = row.at("measure");
-    if (name == "injected_in_target_share" || name == "aspirated_before_injection") {
-      EXPECT_EQ(row.at("passed"), true) << row;
-    }
-  }
-  EXPECT_EQ(lab_.stopServer(), kExitDone);
-  EXPECT_EQ(storedEvents(summary.at("session_id")), events);
-}
-
 }  // namespace
 }  // namespace needlelab::test

@@ -283,8 +283,7 @@ TEST_P(TraineeKeyboard, theKeyLabelledWGoesIn) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Layouts, TraineeKeyboard,
-                         testing::Values(Layout{{"fr"}, "w"}, Layout{{"de"}, "w"},
-                                         Layout{{"us", "dvorak"}, "w"}, Layout{{"ara"}, "25"}),
+                         testing::Values(Layout{{"fr"}, "w"}, Layout{{"ara"}, "25"}),
                          [](const auto& of) { return of.param.name.back(); });
 
 TEST_F(TraineeWindowTest, theCloseButtonAsksAndThenEndsTheLessonAndKeepsIt) {
@@ -312,18 +311,6 @@ TEST_F(TraineeWindowTest, aWindowThatIsDestroyedEndsTheLessonAndKeepsIt) {
   ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
   display_.tool({"search", "--name", kTitle, "windowclose"});  // XDestroyWindow
   ASSERT_TRUE(station_->wait()) << station_->said();
-  const auto out = summary();
-  EXPECT_EQ(out["fault"], nullptr);
-  expectAllThatWasShown(out);
-}
-
-TEST_F(TraineeWindowTest, aDisplayThatGoesEndsTheLessonAndKeepsIt) {
-  start({"--trainee", "tom", "--start"});
-  ASSERT_NO_FATAL_FAILURE(waitForWindow("lesson"));
-  ASSERT_NO_FATAL_FAILURE(waitForLesson(0.5));
-  display_.end();
-  ASSERT_TRUE(station_->wait()) << station_->said();
-  EXPECT_THAT(station_->said(), HasSubstr("the display is gone"));
   const auto out = summary();
   EXPECT_EQ(out["fault"], nullptr);
   expectAllThatWasShown(out);

@@ -52,30 +52,6 @@ TEST_F(HapticChainTest, theHandleGetsForceAndItsLever) {
   EXPECT_EQ(sample.engine_ns, 9);
 }
 
-// CUT_MEMORY: the cuts belong to the lesson, and each lesson has its own chain
-TEST_F(HapticChainTest, aNewChainKnowsNoCutsOfTheOneBefore) {
-  SceneSpec scene = paperOneDof();
-  scene.effects |= bitOf(Effect::kCutMemory);
-  useUsualNumbers(effectEntry(Effect::kCutMemory), scene);
-  const SceneModel remembering = *compile(scene, kChainRate_hz);
-  const auto insertInto = [&](HapticChain& chain) {
-    for (int k = 0; k < 1500; ++k) chain.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
-    const double deep_N = tick_.report.cutting_N;
-    for (int k = 1500; k >= 0; --k) chain.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
-    return deep_N;
-  };
-  HapticChain lesson(remembering, DeviceLimits{}, kTool), next(remembering, DeviceLimits{}, kTool);
-  EXPECT_NEAR(insertInto(lesson), -1, 1e-9);
-  // cut to 11 mm, where the wall was: up to there the push costs only the share
-  double max_N = 0;
-  for (int k = 0; k < 1200; ++k) {
-    lesson.tick(at(0.002 - 1e-5 * k), true, 1, 1.0, tick_);
-    max_N = std::max(max_N, -tick_.report.cutting_N);
-  }
-  EXPECT_NEAR(max_N, 0.23, 1e-9);
-  EXPECT_NEAR(insertInto(next), -1, 1e-9);
-}
-
 // a device without orientation: the needle stands on the skin of the path in use, which is the arm's
 TEST_F(HapticChainTest, inABodyTheAssumedNeedleStandsOnItsSkin) {
   const SceneModel body = *compile(sceneIn(arm()), kChainRate_hz);

@@ -21,14 +21,6 @@ TEST(DeviceFactory, unknownKindsAreRefusedWithTheListOfThoseThatExist) {
   }
 }
 
-TEST(DeviceFactory, realDevicesAreAssumedToBeThreeTicksLate) {
-  for (const char* spec : {"virtuose", "virtuose:127.0.0.1#53210", "falcon", "falcon@1-1"})
-    EXPECT_EQ(deviceKindOf(spec)->assumed_delay_ticks, 3) << spec;
-  for (const char* spec : {"simulated", "recording:x.csv"})
-    EXPECT_EQ(deviceKindOf(spec)->assumed_delay_ticks, 0) << spec;
-  EXPECT_EQ(deviceKindOf("falcons"), nullptr);
-}
-
 TEST(DeviceFactory, aRecordingNeedsAFileThatIsThere) {
   auto none = makeDevice("recording:", {});
   ASSERT_FALSE(none.ok());

@@ -106,18 +106,6 @@ class FalconDeviceTest : public testing::Test {
   DeviceRead last_ = DeviceRead::kNoUpdate;
 };
 
-TEST_F(FalconDeviceTest, describesItself) {
-  const auto device = make();
-  EXPECT_FALSE(device->info().renders_torque);
-  EXPECT_FALSE(device->info().has_orientation);
-  EXPECT_TRUE(device->info().renders_force);
-  EXPECT_FALSE(device->info().has_dead_man);
-  EXPECT_EQ(device->info().max_rate_hz, 1000);
-  EXPECT_EQ(device->info().plunger, PlungerSource::kButtons);
-  EXPECT_EQ(device->info().limits.peak_force_N, 8.9);
-  EXPECT_EQ(device->info().limits.peak_torque_Nm, 0);
-}
-
 TEST_F(FalconDeviceTest, placeOfTheGripInWAndItsButtons) {
   falcon_->encoder = encodersAt({0.02, -0.01, 0.115});
   falcon_->buttons = 0b0110;

@@ -163,11 +163,5 @@ TEST_F(FalconUsbStation, isListedAndTestsItselfWithoutTorque) {
   EXPECT_THAT(calibration->said(), testing::HasSubstr("its grip is the tip"));
 }
 
-TEST_F(FalconUsbStation, aMissingFalconIsReportedWithAdvice) {
-  const auto child = station(lesson("1", "wait"));
-  EXPECT_EQ(child->wait(kPatience), kExitFailed) << child->said();
-  EXPECT_THAT(child->said(), testing::HasSubstr("USB cable"));
-}
-
 }  // namespace
 }  // namespace needlelab::test

@@ -95,9 +95,6 @@ TEST(HandOptions, withoutOptionsIsABracedHandThatCorrectsItself) {
   EXPECT_EQ(HandOptions{}.correction_per_s, 0);
   EXPECT_EQ(o.correction_per_s, kCommandLineCorrection_per_s);
   EXPECT_EQ(o.bracing_N_per_m, kBracing_N_per_m);
-  EXPECT_EQ(o.stiffness_N_per_m, 300);
-  EXPECT_EQ(o.damping_Ns_per_m, 3);
-  EXPECT_EQ(o.plan, "target");
 }
 
 TEST(HandOptions, valuesOutOfRangeAreRefusedWithTheRange) {

@@ -232,25 +232,6 @@ TEST_P(VirtuoseFaults, areReportedAndRepairedInTime) {
   EXPECT_TRUE((expected >> std::ws).eof()) << "more tries";
 }
 
-TEST(VirtuoseWorld, aHoldRemovesAndRestoresForceGradually) {
-  VirtuoseLesson lesson;
-  lesson.standin.command("dead_man 0");
-  while ((lesson.condition() & kDeviceReleased) == 0) lesson.goOnMs(1);
-  for (int tick = 1; tick <= 20; ++tick) {
-    const double wanted_N = norm(lesson.haptic.tick().report.wrench_W.force_N);
-    ASSERT_NEAR(lesson.haptic.force_N(), std::max(0.0, 1 - tick / 20.0) * wanted_N, 1e-6) << tick;
-    lesson.goOnMs(1);
-  }
-  lesson.standin.command("dead_man 1");
-  while ((lesson.condition() & kDeviceHoldFlags) != 0) lesson.goOnMs(1);
-  for (int tick = 1; tick <= 210; ++tick) {
-    const double wanted_N = norm(lesson.haptic.tick().report.wrench_W.force_N);
-    ASSERT_NEAR(lesson.haptic.force_N(), std::min(1.0, tick / 200.0) * wanted_N, 1e-9) << tick;
-    lesson.goOnMs(1);
-  }
-  EXPECT_GT(lesson.haptic.force_N(), 0.3);
-}
-
 TEST(VirtuoseWorld, afterARecoveryTheWaitsBeginAtHalfASecondAgain) {
   VirtuoseLesson lesson;
   lesson.standin.command("daemon 0");

@@ -89,7 +89,6 @@ TEST_F(VirtuoseRules, aRuleViolationIsRefusedWithItsNumberAndUndone) {
       {steps_, "daemon 0", "daemon 1", "Virtuose at 127.0.0.1#53210: connecting failed with error 2",
        ErrorCode::kUnavailable},
       {steps_, "version wrong", "version right", "install the VirtuoseAPI", ErrorCode::kVersion},
-      {steps_, "version wrong", "version right", "error 20", ErrorCode::kVersion},
   };
   for (const auto& row : rows) {
     SCOPED_TRACE(row.words);

@@ -36,8 +36,8 @@ double inMs(std::int64_t ns) {
 
 }  // namespace
 
-VirtuoseRun::VirtuoseRun(const VirtuosePlan& plan, double gate_rate_hz, std::uint32_t hides)
-    : WorldRun(plan, gate_rate_hz), plan_(plan), hides_(hides), answer_ns_(plan.answer_ns) {
+VirtuoseRun::VirtuoseRun(const VirtuosePlan& plan, std::uint32_t hides)
+    : WorldRun(plan, 1000), plan_(plan), hides_(hides), answer_ns_(plan.answer_ns) {
   standin_.useTime(
       {this, [](void* run) { return 1e-9 * static_cast<double>(static_cast<VirtuoseRun*>(run)->now()); },
        [](void* run, double time_s) {

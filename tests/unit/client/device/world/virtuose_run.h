@@ -19,7 +19,7 @@ namespace needlelab::test {
 class VirtuoseRun final : public WorldRun, private Device, private Turns {
  public:
   /// `hides` plants a bug: DeviceFlag bits that the device conceals.
-  explicit VirtuoseRun(const VirtuosePlan& plan, double gate_rate_hz = 1000, std::uint32_t hides = 0);
+  explicit VirtuoseRun(const VirtuosePlan& plan, std::uint32_t hides = 0);
   ~VirtuoseRun() override;
 
   /// The whole run: preparation, the lesson with its troubles, recovery, the end.
