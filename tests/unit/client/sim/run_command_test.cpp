@@ -150,35 +150,10 @@ TEST(RunCommand, aModelWithoutItsSectionIsRefusedWithTheSectionsName) {
     return sim({"run", "--profile", profile, "--trajectory", trajectory.string(), "--out",
                 (folder.path() / "o.csv").string(), "--replace", "--model", model});
   };
-  for (const char* model : {"TRACKING_WALL", "DIRECT", "VOIGT", "GOD_OBJECT"})
-    EXPECT_EQ(run(model).code, 0) << model << " has defaults";
-  for (const auto& [model, section] : {std::pair{"FIRST_ORDER", "layers[0].first_order: is missing"},
-                                       {"OKAMURA", "layers[0].okamura: is missing"},
-                                       {"DAHL", "layers[0].okamura: is missing"},
-                                       {"STATISTICAL", "statistical: is missing"},
-                                       {"PRECOMPUTED", "needlelab-sim precompute"},
-                                       {"FEM", "fem: is missing"}}) {
-    const auto outcome = run(model);
-    EXPECT_EQ(outcome.code, 2) << model;
-    EXPECT_THAT(outcome.err, HasSubstr(section));
-  }
-}
-
-TEST(RunCommand, findsColumnsByNameInAnyOrder) {
-  const test::TempFolder folder;
-  const auto plain =
-      folder.write("a.csv", "t_s,px_m,py_m,pz_m,qx,qy,qz,qw\n0,0,0,0.01,1,0,0,0\n0.001,0,0,-0.002,1,0,0,0\n");
-  const auto mixed =
-      folder.write("b.csv",
-                   "qw,qz,qy,plunger,qx,note,pz_m,py_m,px_m,t_s\r\n0,0,0,0.5,1.0005,first,0.01,0,0,0\r\n"
-                   "0,0,0,1,1,second,-0.002,0,0,0.001\r\n");
-  const auto profile = (test::kSamples / "paper-1dof.json").string();
-  const auto a = folder.path() / "ao.csv", b = folder.path() / "bo.csv";
-  ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", plain.string(), "--out", a.string()}).code, 0);
-  ASSERT_EQ(sim({"run", "--profile", profile, "--trajectory", mixed.string(), "--out", b.string()}).code, 0);
-  EXPECT_EQ(*readWholeFile(a), *readWholeFile(b));
-  // 2 mm of stretch in one step: 500 N/m give 1 N, along W's z
-  EXPECT_NEAR(std::strtod(tableOf(a)["fz_n"][1].c_str(), nullptr), 1, 1e-12);
+  EXPECT_EQ(run("VOIGT").code, 0) << "it has defaults";
+  const auto outcome = run("OKAMURA");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("layers[0].okamura: is missing"));
 }
 
 TEST(RunCommand, jsonSummarisesTheRun) {
@@ -278,19 +253,6 @@ TEST(RunCommand, refusesWrongInputByNameAndWritesNothing) {
        t("nan.csv", header + good_row + "0,0,nan,0.01,1,0,0,0\n"),
        {},
        {"nan.csv line 3", "'py_m'", "'nan'"}},
-      {profile, t("inf.csv", header + "inf,0,0,0.01,1,0,0,0\n"), {}, {"inf.csv line 2", "'t_s'"}},
-      {profile, t("word.csv", header + "0,0,0,deep,1,0,0,0\n"), {}, {"word.csv line 2", "'deep'"}},
-      {profile,
-       t("quat.csv", header + good_row + "0.001,0,0,0.01,1,0,0,0\n0.002,0,0,0.01,0.9,0,0,0\n"),
-       {},
-       {"quat.csv", "line 4", "0.9"}},
-      {profile,
-       t("zeroquat.csv", header + "0,0,0,0.01,0,0,0,0\n"),
-       {},
-       {"zeroquat.csv", "line 2", "quaternion"}},
-      {profile, t("plunger.csv", "plunger," + header + "2," + good_row), {}, {"plunger.csv", "plunger", "2"}},
-      {profile, t("short.csv", header + "0,0,0\n"), {}, {"short.csv line 2"}},
-      {profile, t("headeronly.csv", header), {}, {"headeronly.csv"}},
       {profile, t("empty.csv", ""), {}, {"empty.csv", "empty"}},
       {profile, folder.path().string() + "/missing.csv", {}, {"missing.csv"}},
       {profile, folder.path().string(), {}, {folder.path().string()}},

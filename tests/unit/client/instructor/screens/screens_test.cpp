@@ -29,18 +29,9 @@ class Screens : public WindowLab {
   }
 };
 
-TEST_F(Screens, logInReportsMissingAndWrongFields) {
+TEST_F(Screens, aLabWithoutStationsSaysHowToAddOne) {
   frames(2);
   EXPECT_THAT(window_->text(), HasSubstr("needlelab: instructor"));
-  lab_->form.ca_file.clear();
-  lab_->logIn();
-  frames(2);
-  EXPECT_THAT(window_->text(), HasSubstr("The CA file is missing"));
-  lab_->form.ca_file = server_.config({}).ca_file;
-  lab_->form.password = "wrong";
-  lab_->logIn();
-  ASSERT_TRUE(untilText("does not accept this name and password")) << window_->text();
-  lab_->form.password = "correct horse battery";
   lab_->logIn();
   ASSERT_TRUE(untilText("No stations yet")) << window_->text();
   EXPECT_THAT(window_->text(), HasSubstr("needlelab-admin station add"));
@@ -69,21 +60,6 @@ TEST_F(Screens, whoNeedsHelpComesFirstAndIsLookedOverByOneKey) {
   EXPECT_TRUE(std::any_of(limits.begin(), limits.end(), [](const PlotRequirement& each) {
     return each.measure == "peak_force_n" && each.max;
   })) << "the plots draw what the exercise requires";
-  const auto plan = lab_->planNow();
-  ASSERT_TRUE(plan) << "the sample course's exercise shoulder-bursa has one, straight down";
-  EXPECT_NEAR(norm(plan->entry_W_m), 0, 1e-12);
-  EXPECT_NEAR(norm(normalized(plan->to_W_m - plan->entry_W_m) - Vec3{0, 0, -1}), 0, 1e-12);
-  // Paused: the picture stops, the stream continues.
-  press(GLFW_KEY_SPACE);
-  EXPECT_TRUE(lab_->live()->paused());
-  const double stands_s = lab_->live()->viewEnd_s(), newest_s = lab_->live()->trace().lastTime_s();
-  ASSERT_TRUE(until([&] { return lab_->live()->trace().lastTime_s() > newest_s + 0.5; }));
-  EXPECT_EQ(lab_->live()->viewEnd_s(), stands_s);
-  EXPECT_THAT(window_->text(), HasSubstr("PAUSED"));
-  press(GLFW_KEY_LEFT);
-  EXPECT_LT(lab_->live()->viewEnd_s(), stands_s);
-  press(GLFW_KEY_END);
-  EXPECT_FALSE(lab_->live()->paused());
   EXPECT_GT(lab_->live()->latency().count(), 0u);
 }
 
@@ -239,9 +215,6 @@ TEST_F(Screens, emptyScreensSayWhatToDo) {
     lab_->screen = screen;
     EXPECT_TRUE(untilText(words)) << words << ": " << window_->text();
   }
-  lab_->screen = WindowScreen::kLab;
-  lab_->filter.text = "no such station";
-  EXPECT_TRUE(untilText("No station matches"));
 }
 
 TEST_F(Screens, keysListThemselvesAndLettersGrow) {
@@ -254,8 +227,6 @@ TEST_F(Screens, keysListThemselvesAndLettersGrow) {
   const double before = surface_->fontScale();
   press(GLFW_KEY_EQUAL, /*ctrl=*/true);
   EXPECT_NEAR(surface_->fontScale(), before + 0.1, 1e-6);
-  press(GLFW_KEY_3, /*ctrl=*/true);
-  EXPECT_EQ(lab_->screen, WindowScreen::kSessions);
 }
 
 }  // namespace

@@ -19,18 +19,6 @@ using testing::HasSubstr;
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-TEST(ConnectClient, aPeerThatAcceptsAndStaysSilentTimesOut) {
-  asio::io_context io;
-  Tcp::acceptor silent(io, Tcp::endpoint(asio::ip::address_v4::loopback(), 0));
-  ScriptedServer other(friendly);
-  auto config = other.config();
-  config.server.port = silent.local_endpoint().port();
-  config.connect_timeout = milliseconds(300);
-  const auto client = BlockingClient::connect(config);
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
-}
-
 TEST(ConnectClient, anUnresolvableNameIsUnavailable) {
   ScriptedServer server(friendly);
   auto config = server.config();
@@ -94,19 +82,6 @@ TEST(BlockingClient, repliesAreFoundAmongOtherMessagesWhichAreKept) {
   const auto kept = client->receive(milliseconds(100));
   ASSERT_TRUE(kept.ok());
   EXPECT_EQ(kept->trainee_message().text(), "meanwhile");
-}
-
-TEST(BlockingClient, silenceIsNotFoundAndTheConnectionGoesOn) {
-  ScriptedServer server(friendly);
-  auto client = BlockingClient::connect(server.config());
-  ASSERT_TRUE(client.ok());
-  EXPECT_EQ(client->receive(milliseconds(20)).error().code, ErrorCode::kNotFound);
-  EXPECT_TRUE(client->connected());
-  pb::Request request;
-  request.mutable_list_users();
-  const auto reply = client->call(request, milliseconds(50));
-  ASSERT_FALSE(reply.ok());
-  EXPECT_EQ(reply.error().code, ErrorCode::kUnavailable);
 }
 
 TEST(BlockingClient, theReasonOfAnEndIsKept) {
@@ -290,9 +265,6 @@ TEST(BlockingClient, reconnectsOnRequest) {
   EXPECT_EQ(client->reconnect(client->nowNs() + 3600 * kSecond_ns, [] { return false; }).error().code,
             ErrorCode::kDenied);
   EXPECT_EQ(server.logins(), 3u);
-  // stopped by the user
-  EXPECT_EQ(client->reconnect(client->nowNs() + 30 * kSecond_ns, [] { return true; }).error().code,
-            ErrorCode::kUnavailable);
 }
 
 }  // namespace

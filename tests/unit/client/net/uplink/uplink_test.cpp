@@ -158,8 +158,6 @@ class NotedWaits : public LinkClock {
   Task<> wait(asio::steady_timer& timer, std::chrono::milliseconds time, LinkWait what) override {
     if (what != LinkWait::kRetry) co_return co_await LinkClock::wait(timer, time, what);
     if (time < ServerLink::kForever) {
-      const std::size_t before = waits().size();
-      if (on_wait) on_wait(before + 1);
       const std::scoped_lock lock(mutex_);
       waits_.push_back(time);
     }
@@ -170,7 +168,6 @@ class NotedWaits : public LinkClock {
     const std::scoped_lock lock(mutex_);
     return waits_;
   }
-  std::function<void(std::size_t wait)> on_wait;  // on the uplink's thread; the first is 1
 
  private:
   FakeTime time_;
@@ -193,26 +190,6 @@ TEST_F(UplinkTest, whoIsThrownOutAtOnceComesBackMoreAndMoreSlowly) {
     EXPECT_GE(waits[n], most[n] / 2) << n;
     EXPECT_LE(waits[n], most[n]) << n;
   }
-}
-
-TEST_F(UplinkTest, aServerBackBeforeTheSixthTryIsReconnectedByIt) {
-  std::uint16_t port = 0;
-  {
-    FakeServer gone;
-    port = gone.port();
-  }
-  std::unique_ptr<FakeServer> server;
-  const auto clock = std::make_shared<NotedWaits>();
-  clock->on_wait = [&](std::size_t wait) {
-    if (wait == 5) server = std::make_unique<FakeServer>(port);
-  };
-  auto session = makeSession(10, true);
-  auto uplink = connected(FakeServer::clientConfig(port), clock);
-  uplink->add(session, true);
-  ASSERT_TRUE(eventually([&] { return uplink->state().sessions_open == 0; }));
-  EXPECT_EQ(clock->waits().size(), 5u);
-  EXPECT_EQ(uplink->state().connections, 1u);
-  expectWhole(keptOf(*server, *session), *session);
 }
 
 TEST_F(UplinkTest, aGapIsResentFromTheServersPosition) {
@@ -303,10 +280,6 @@ TEST_F(UplinkTest, aQuestionOutsideALessonIsAnsweredOrRefused) {
   const auto refused = uplink->ask(request, kPatience, false);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
-  // The server does not answer this request: the wait ends after its timeout or when the caller stops it.
-  pb::Request mute;
-  mute.mutable_list_curricula();
-  EXPECT_EQ(uplink->ask(mute, 50ms, false).error().code, ErrorCode::kUnavailable);
 }
 
 TEST_F(UplinkTest, anUnansweredQuestionChecksForStopsAndTimesOut) {
@@ -394,15 +367,6 @@ TEST_F(UplinkTest, aDeadServerIsPassedOverAndNamed) {
   ASSERT_TRUE(lesson.ok()) << "asked once: a round is one time";
   ASSERT_EQ(said().size(), 1u);
   EXPECT_THAT(said()[0], HasSubstr("another server did not take us: cannot connect to 127.0.0.1:1: "));
-}
-
-TEST_F(UplinkTest, aKeyThatOneServerRefusesIsNotTriedAtTheOther) {
-  FakeServer first, second;
-  first.faults.deny_login = true;
-  auto uplink = connected(configOf(first, second.port()));
-  EXPECT_EQ(uplink->getLesson("shoulder", "tom", kPatience, false).error().code, ErrorCode::kDenied);
-  EXPECT_TRUE(uplink->state().denied);
-  EXPECT_EQ(second.statusLines(), 0u);
 }
 
 TEST_F(UplinkTest, aSessionRefusedForLackOfRoomGoesElsewhere) {
@@ -727,15 +691,6 @@ TEST_F(DrainTest, whatWasConnectedAMomentAgoIsWaitedFor) {
   };
   EXPECT_EQ(drain(*uplink, {1h, 0s, 1h}, comeBack), DrainEnd::kDone);
   EXPECT_TRUE(server);
-}
-
-TEST_F(DrainTest, aServerThatHasBeenAwayForLongIsNotWaitedFor) {
-  auto server = std::make_unique<FakeServer>();
-  server->faults.never_ack = true;
-  auto uplink = uplinkTo(server->clientConfig());
-  ASSERT_TRUE(connects(*uplink));
-  server.reset();
-  EXPECT_EQ(drained(*uplink, {1h, 0s, 100ms}), DrainEnd::kAway);
 }
 
 TEST_F(DrainTest, endsInTimeByACallersWordAndByTheServersNo) {

@@ -563,19 +563,6 @@ TEST_F(Screens, theEndOfAnExamWithoutItsResultShowsNothingOfTheNeedle) {
   EXPECT_LT(shareThatDiffers(before, picture(), 28), 1e-5);
 }
 
-TEST_F(Screens, endShowsHowFarTheNeedleMissed) {
-  showEnd(false);
-  picture(30);
-  EXPECT_GT(changes([&] {
-              board_.change([](BoardState& state) {
-                auto without = std::make_shared<LessonOutcome>(*state.outcome);
-                without->summary.miss.reset();
-                state.outcome = without;
-              });
-            }),
-            2e-3);
-}
-
 TEST_F(Screens, endOfALessonThatWasPassedOffersWhatTheInstructorWants) {
   showEnd(true);
   board_.nextExercise("ines", "knee-recess");

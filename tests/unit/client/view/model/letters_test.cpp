@@ -34,10 +34,6 @@ TEST(Letters, lettersHaveTheirAnglesAndArePixelsLargeAtMost) {
         EXPECT_EQ(size_px, std::floor(size_px));
       }
     }
-  EXPECT_GE(kFigureArcmin, 16);
-  EXPECT_GE(kHeadingArcmin, 16);
-  EXPECT_GE(kBodyArcmin, 10);
-  EXPECT_GE(kSmallArcmin, 10);
 }
 
 TEST(Letters, onADeskLettersScaleWithTheWindow) {

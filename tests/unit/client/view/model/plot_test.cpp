@@ -110,15 +110,6 @@ TEST(PixelColumns, keepLeastGreatestAndLastOfTheirTime) {
   EXPECT_FLOAT_EQ(columns[2].last, 7);
 }
 
-TEST(PixelColumns, skipNonFiniteAndOutsideValues) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<double> x = {-1, 0.5, 1.5, 3}, y = {100, nan, 2, 100};
-  std::vector<PixelColumn> columns(2);
-  fillColumns(x, y, 0, 2, columns);
-  EXPECT_TRUE(columns[0].empty());
-  EXPECT_FLOAT_EQ(columns[1].max, 2);
-}
-
 TEST(PixelColumns, ofNoRangeOrNoColumnsAreEmpty) {
   const std::vector<double> x = {0, 1}, y = {1, 1};
   std::vector<PixelColumn> columns(2);
@@ -126,19 +117,6 @@ TEST(PixelColumns, ofNoRangeOrNoColumnsAreEmpty) {
   fillColumns(x, y, 1, 1, columns);
   EXPECT_TRUE(columns[0].empty() && columns[1].empty());
   fillColumns(x, y, 0, 1, {});
-}
-
-TEST(PixelColumns, aLoneSpikeIsNeverLost) {
-  std::vector<double> x, y;
-  for (int i = 0; i < 100000; ++i) {
-    x.push_back(i * 0.001);
-    y.push_back(i == 54321 ? 42 : 0);
-  }
-  std::vector<PixelColumn> columns(300);
-  columnsOf(x, y)(0, 100, columns);
-  float greatest = 0;
-  for (const PixelColumn& column : columns) greatest = std::max(greatest, column.max);
-  EXPECT_FLOAT_EQ(greatest, 42);
 }
 
 TEST(PixelColumns, aValueBeyondAFloatIsSkippedWithoutAffectingOthers) {

@@ -273,16 +273,5 @@ TEST(ReplayedGestures, theForcesAreThoseOfAnInsertionWhoseNumberIsNotKnown) {
   EXPECT_GT(curves_differ_N, 0.1);
 }
 
-TEST(ReplayedGestures, giveTheSameBitsTwice) {
-  const Gesture gesture = gestureOf(5);
-  const Recorded all = recorded(*gesture.model, gesture.motion);
-  GestureReplica a(gesture.model), b(gesture.model);
-  for (const GestureSample& sample : all.samples) {
-    a.feed(sample);
-    b.feed(sample);
-    ASSERT_EQ(a.report().wrench_W.force_N, b.report().wrench_W.force_N);
-  }
-}
-
 }  // namespace
 }  // namespace needlelab::test

@@ -310,28 +310,6 @@ TEST(SceneView, aLayerBeginsAtItsTopAndTheLastHasNoEnd) {
   for (const auto& [depth_m, layer] : rows) EXPECT_EQ(layerAt(scene, depth_m), layer) << depth_m;
 }
 
-TEST(SceneView, theHazardDistanceIsTheMinimumOverBothShapes) {
-  test::Random draw(32);
-  const auto anywhere = [&] { return Vec3{draw.in(-1, 1), draw.in(-1, 1), draw.in(-1, 1)} * 0.03; };
-  constexpr int kPoints = 150;
-  for (int round = 0; round < 30; ++round) {
-    HazardView hazard{"nerve", pb::Hazard::NERVE, anywhere(), anywhere(), draw.in(0.001, 0.004)};
-    if (round % 3 == 0) hazard.b_W_m = hazard.a_W_m;  // a ball
-    const Vec3 tip = anywhere(), skin = anywhere();
-    double min_m = 1;
-    for (int i = 0; i <= kPoints; ++i)
-      for (int j = 0; j <= kPoints; ++j) {
-        const double s = static_cast<double>(i) / kPoints, t = static_cast<double>(j) / kPoints;
-        min_m =
-            std::min(min_m, norm(tip + (skin - tip) * s - hazard.a_W_m - (hazard.b_W_m - hazard.a_W_m) * t));
-      }
-    const double found_m = distanceToHazard_m(hazard, tip, skin) + hazard.radius_m;
-    EXPECT_LE(found_m, min_m + 1e-12) << round;
-    // both segments are at most 0.104 m long: half a step each
-    EXPECT_GE(found_m, min_m - 0.104 / kPoints) << round;
-  }
-}
-
 TEST(SceneView, ofAVolumeIsThatOfTheBallOfLayers) {
   const Pose X_WL{{0.3, -0.1, 0.2}, normalized(Quat{0.1, -0.4, 0.2, 0.8})};
   const auto like = sceneViewOf(test::readProfile(test::ballOfLayers()), X_WL),

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <array>
 #include <functional>
 #include <limits>
 #include <set>
@@ -432,32 +431,6 @@ TEST(LabOverview, aTileNamesTheServerThatHasTheStation) {
   status.set_server("b\n");
   lab.onStatus(status, 0);
   EXPECT_EQ(lab.find("one")->server, "b?");
-}
-
-TEST(LabOverview, fiftyStationsStandByTheirNumbersAndAreCountedOnce) {
-  LabOverview lab;
-  std::array<std::size_t, kNeedCount> expected{};
-  for (int i = 0; i < 50; ++i) {
-    auto status = practising("bench-" + std::to_string(i * 37 % 50));
-    status.set_trainee("trainee " + std::to_string(i % 9));
-    Need need = Need::kPractising;
-    if (i % 5 == 1) status.set_fault(2), need = Need::kFault;
-    if (i % 5 == 2) addAlarm(status, "hazard", 1, true, "nerve"), need = Need::kAlarm;
-    if (i % 5 == 3) status.clear_session_id(), need = Need::kWaiting;
-    if (i % 5 == 4) status.clear_session_id(), status.set_online(false), need = Need::kOffline;
-    if (i == 0) status.set_peak_force_n(std::numeric_limits<double>::quiet_NaN());
-    status.set_force_n(0.1 * (i % 7));
-    lab.onStatus(status, 0);
-    ++expected[static_cast<std::size_t>(need)];
-  }
-  EXPECT_EQ(lab.counts(), expected);
-  const auto tiles = lab.tiles();
-  ASSERT_EQ(tiles.size(), 50u);
-  for (std::size_t i = 0; i < tiles.size(); ++i) EXPECT_EQ(tiles[i]->station, "bench-" + std::to_string(i));
-  // all are lost with the connection, and no station that is not calm is called calm
-  lab.connectionLost();
-  for (const StationTile* tile : lab.tiles()) EXPECT_TRUE(tile->stale) << tile->station;
-  EXPECT_EQ(lab.counts(), expected);
 }
 
 TEST(LabOverview, aReturningStationIsOnlineAndItsNextLessonFresh) {

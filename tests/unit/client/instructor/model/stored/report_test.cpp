@@ -154,16 +154,6 @@ TEST(Report, listsContactsWithBone) {
   EXPECT_LT(html.find("<td>bone contact</td>"), html.find("<td>out</td>"));
 }
 
-TEST(Report, listsContactsOfTheHubWithTheSkin) {
-  auto profile = nlohmann::json::parse(test::sampleProfile("shoulder-adult"));
-  profile["needle"]["length_m"] = 0.02;
-  const std::string json = profile.dump();
-  ReportData data = dataOf();
-  EXPECT_THAT(reportHtml(data), Not(HasSubstr("hub on the skin"))) << "of a longer needle";
-  data.gesture = gestureOf(test::lessonInfo(json, "tina"), test::lessonSamples(json, {.depth_m = 0.03}));
-  EXPECT_THAT(reportHtml(data), HasSubstr("</td><td>hub on the skin</td>"));
-}
-
 TEST(Report, listsMissingSamples) {
   const std::string json = test::sampleProfile("shoulder-adult");
   auto samples = test::lessonSamples(json, {});

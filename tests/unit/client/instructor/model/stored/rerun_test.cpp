@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <vector>
 
 #include "common/haptics/body/body_engine.h"
@@ -104,25 +103,6 @@ TEST(Rerun, anotherPatientHasItsOwnStiffness) {
   EXPECT_NEAR(own->scene.model->wall.stiffness_N_per_m, 0.9 * other->scene.model->wall.stiffness_N_per_m,
               1e-9);
   EXPECT_TRUE(other->scene.model->isLive(Effect::kBone));
-}
-
-TEST(Rerun, isTheSameToTheBitEachTime) {
-  const auto gesture = lesson({.depth_m = 0.02, .seconds = 1, .aside_m = 0.003});
-  const auto bits = [&] {
-    std::vector<double> forces;
-    const auto run =
-        rerunGesture(*gesture, {.profile_json = sampleProfile("shoulder-frail"), .axial_model = {}}, {}, {},
-                     [&](const StepReport& report) {
-                       forces.push_back(report.wrench_W.force_N.x);
-                       forces.push_back(report.wrench_W.force_N.z);
-                       forces.push_back(report.clamping_N);
-                     });
-    EXPECT_TRUE(run.ok());
-    return forces;
-  };
-  const auto first = bits(), again = bits();
-  ASSERT_EQ(first.size(), again.size());
-  EXPECT_EQ(std::memcmp(first.data(), again.data(), first.size() * sizeof(double)), 0);
 }
 
 TEST(Rerun, impossibleRunsAreExplained) {

@@ -7,14 +7,12 @@
 #include <cmath>
 #include <functional>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
-#include "client/instructor/model/live/lab_connection.h"
 #include "client/instructor/model/stored/report.h"
 #include "common/base/time/clock.h"
 #include "common/gesture/chunk.h"
@@ -433,20 +431,6 @@ TEST_F(StoredGestureTest, missingPartsAreReported) {
   LoadProgress progress;
   progress.stop = true;
   EXPECT_FALSE(loadGesture(call(), info_.description().session_id(), {}, &progress).ok());
-}
-
-TEST_F(StoredGestureTest, isLoadedByAWorkerThroughTheLabsConnection) {
-  LabConnection lab;
-  const auto config = server_.config({});
-  lab.logIn({config.servers(), config.ca_file, "anna", "correct horse battery"});
-  std::optional<Result<std::shared_ptr<const StoredGesture>>> gesture;
-  std::thread worker([&] {
-    gesture.emplace(loadGesture([&](const pb::Request& request) { return lab.call(request); },
-                                info_.description().session_id()));
-  });
-  worker.join();
-  ASSERT_TRUE(gesture->ok()) << gesture->error().message;
-  EXPECT_EQ((**gesture)->samples.size(), samples_.size());
 }
 
 }  // namespace

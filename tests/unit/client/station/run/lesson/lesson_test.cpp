@@ -67,19 +67,6 @@ TEST(StationLesson, theServersAnswerIsCheckedLikeAFile) {
   EXPECT_EQ(lessonOfMessage(options, message).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST(StationLesson, anUnknownModelIsRefusedWithThoseThatExist) {
-  StationOptions options = practising("knee-adult.json");
-  for (const char* name : {"GOD", "AXIAL_MODEL_UNSPECIFIED", "enhanced_tracking_wall"}) {
-    options.model = name;
-    auto lesson = lessonOfFile(options);
-    ASSERT_FALSE(lesson.ok()) << name;
-    EXPECT_EQ(lesson.error().code, ErrorCode::kInvalidInput);
-    EXPECT_THAT(lesson.error().message, testing::AllOf(HasSubstr(name), HasSubstr("ENHANCED_TRACKING_WALL")));
-  }
-  options.model = "ENHANCED_TRACKING_WALL";
-  EXPECT_TRUE(lessonOfFile(options).ok());
-}
-
 TEST(StationLesson, everyAxialModelBecomesALessonThatTheDesktopCanRender) {
   StationOptions options = practising("shoulder-models.json");
   for (const std::string_view name : kAxialModelNames) {
@@ -91,8 +78,6 @@ TEST(StationLesson, everyAxialModelBecomesALessonThatTheDesktopCanRender) {
     EXPECT_GT(lesson->model.axialStiffness_N_per_m(), 0) << name;
     DeviceInfo desktop{"desktop", {}, true, true, true};
     EXPECT_TRUE(checkStiffness(lesson->model, desktop).ok()) << name;
-    // The recorded and sent profile can be read again.
-    EXPECT_TRUE(parseProfile(profileJson(lesson->profile), "again").ok()) << name;
   }
   options = practising("knee-adult.json");
   options.model = "PRECOMPUTED";

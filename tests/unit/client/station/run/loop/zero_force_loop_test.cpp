@@ -107,20 +107,6 @@ TEST(ZeroForceLoop, allocatesNothingInItsTicks) {
   EXPECT_EQ(guard.calls(), 0u);
 }
 
-TEST(ZeroForceLoop, progressEndsIt) {
-  FakeDevice device(resting());
-  FakeTime clock;
-  constexpr std::uint64_t kNeverReached = 1'000'000'000'000;
-  ZeroForceLoop loop(device, clock, {1000, kNeverReached, kNeverReached / 10});
-  sigset_t none;
-  sigemptyset(&none);
-  int calls = 0;
-  const ZeroForceRun run = runZeroForceLoop(loop, device, nullptr, none, [&] { return ++calls < 3; });
-  EXPECT_FALSE(run.stopped);
-  EXPECT_EQ(calls, 3);
-  EXPECT_LT(loop.stats().ran, kNeverReached);
-}
-
 // Loop and owner in a simulated world: the first tick is due after 2 ms, the owner polls every 50 ms. If both
 // fall on the same time, the tick comes first.
 class ZeroForceRunTest : public testing::Test {

@@ -446,23 +446,6 @@ TEST_F(LessonSequenceCodesTest, somebodyElsesLessonForgetsTheCode) {
   EXPECT_EQ(quit(), kExitDone);
 }
 
-TEST_F(LessonSequenceCodesTest, tooManyWrongCodesShowTheServersRetryTime) {
-  start();
-  ASSERT_TRUE(until(Stage::kStart));
-  begin("tom");
-  for (std::uint64_t wrong = 1; wrong <= 5; ++wrong) {
-    ASSERT_TRUE(untilAsked(wrong)) << state_.trouble;
-    begin("tom", "0000");
-  }
-  ASSERT_TRUE(untilAsked(6)) << state_.trouble;
-  EXPECT_EQ(state_.code_question->text, "this is not the code of tom; try again in a minute");
-  begin("tom", "4711");
-  ASSERT_TRUE(untilAsked(7)) << state_.trouble;
-  EXPECT_EQ(state_.code_question->text, "too many wrong codes of tom: try again in a minute");
-  EXPECT_TRUE(state_.code_question->wrong);
-  EXPECT_EQ(quit(), kExitDone);
-}
-
 TEST_F(LessonSequenceCodesTest, withoutTheServerTheLessonBeginsUnchecked) {
   start();
   ASSERT_TRUE(until(Stage::kStart));
