@@ -427,11 +427,6 @@ TEST_F(PostgresEngine, writersComeOneAfterAnother) {
   EXPECT_EQ(number(*db, "SELECT real FROM kinds"), 2 * kTimes);
 }
 
-TEST_F(PostgresEngine, theServerEndsTransactionsThatAreIdleFor30Seconds) {
-  EXPECT_EQ(number(*db, "SELECT setting FROM pg_settings WHERE name = 'idle_in_transaction_session_timeout'"),
-            30'000);
-}
-
 TEST_F(PostgresEngine, aCancelledStatementEndsAndTheConnectionGoesOn) {
   std::atomic<bool> cancelled{true};
   const auto* const before = db->setCancelled(&cancelled);
