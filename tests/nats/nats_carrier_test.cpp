@@ -10,12 +10,9 @@
 #include <tuple>
 #include <vector>
 
-#include "common/base/time/clock.h"
 #include "common/wire/certificates.h"
 #include "server/base/log.h"
-#include "server/together/remote_live.h"
 #include "tests/nats/nats_server.h"
-#include "tests/unit/server/together/live_bus.h"
 
 namespace needlelab {
 namespace {
@@ -224,60 +221,6 @@ TEST_F(NatsCarrierTest, whatIsNoSubjectOfTheLabIsCounted) {
   ASSERT_TRUE(runUntil(io, [&] { return !a->heard.messages.empty(); }));
   EXPECT_EQ(a->heard.messages.front(), std::tuple(LivePlane::kAsk, "bench-1", "hello"));
   EXPECT_EQ(a->carrier->counters().malformed, 1u);
-}
-
-TEST_F(NatsCarrierTest, twoHubsShareStationsAndRecoverAfterNatsIsKilled) {
-  nats.start();
-  struct Side {
-    Side(asio::io_context& io, const std::string& url, const std::string& name)
-        : hub(HubSettings{.server_name = name}),
-          carrier(std::move(*NatsCarrier::make(io.get_executor(), {.address = url}))),
-          remote(hub, *carrier,
-                 {.lab = "lab", .server = name, .instance = std::hash<std::string>()(name) | 1}) {
-      carrier->start(remote, "lab", name);
-    }
-    ~Side() { carrier->stop(); }
-    Hub hub;
-    std::unique_ptr<NatsCarrier> carrier;
-    RemoteLive remote;
-  };
-  Side a(io, nats.url(), "a"), b(io, nats.url(), "b");
-  const auto run = [&](auto holds) {
-    return runUntil(io, [&] {
-      a.remote.step();
-      b.remote.step();
-      return holds();
-    });
-  };
-  test::RecordingPeer bench, viewer;
-  a.hub.attachStation("bench-1", bench, 3);
-  pb::Subscribe wanted;
-  wanted.set_subscription(1);
-  wanted.set_station("bench-1");
-  ASSERT_FALSE(b.hub.subscribe(viewer, wanted, steadyNowNs()));
-  ASSERT_TRUE(run([&] { return bench.isWatched(); }));
-  pb::LiveFrame frame;
-  frame.set_session_id(std::string(16, 's'));
-  frame.set_data("samples");
-  const auto framesPass = [&] {
-    const auto before = viewer.frames().size();
-    return run([&] {
-      frame.set_frame_seq(frame.frame_seq() + 1);
-      (void)a.hub.onLiveFrame(bench, viewOf(frame), steadyNowNs());
-      return viewer.frames().size() > before;
-    });
-  };
-  ASSERT_TRUE(framesPass());
-  EXPECT_EQ(viewer.frames().front().data(), "samples");
-  nats.kill();
-  ASSERT_TRUE(run([&] { return !viewer.lastTold("bench-1").trouble().empty(); }));
-  EXPECT_EQ(viewer.lastTold("bench-1").trouble(), "the live connection between servers is down");
-  nats.start();
-  ASSERT_TRUE(framesPass());
-  ASSERT_TRUE(run([&] { return viewer.status("bench-1").trouble().empty(); }));
-  a.hub.detachStation("bench-1", bench);
-  ASSERT_TRUE(run([&] { return !viewer.lastTold("bench-1").online(); }));
-  b.hub.detachViewer(viewer);
 }
 
 constexpr const char* kUsers = R"(

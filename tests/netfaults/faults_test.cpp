@@ -1,7 +1,6 @@
 // Each network fault alone: no sample is lost or duplicated, and acknowledgements never go back.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
-#include <algorithm>
 #include <iostream>
 
 #include "tests/netfaults/fault_station.h"
@@ -138,25 +137,6 @@ TEST(FaultsTest, eitherOfTwoServersWillDoAndNothingIsLostOrDoubled) {
   ASSERT_TRUE(station.waitUntilDone(kPatience)) << station.state().error << station.state().current_trouble;
   station.expectWhole(server);
   EXPECT_EQ(station.state().connections, connections) << "it stays where it is well";
-}
-
-// Nothing passes any more, without notice: only the server's promise of a message every 0.3 s reveals it.
-TEST(FaultsTest, theStationSwitchesServersAfterThreeMissedKeepalives) {
-  RunningServer server(withShortLimits);  // keepalive: 300 ms
-  FaultProxy first(server.server().port(), 1), second(server.server().port(), 2);
-  StationSettings settings{.chunks = 300, .samples = 50, .period = 10ms, .other_ports = {second.port()}};
-  settings.limits = ChannelLimits{};  // 30 s of silence if it were the only server
-  FaultStation station(server, "of-two", first.port(), settings);
-  ASSERT_TRUE(eventually([&] { return station.state().current_committed > 0; }));
-  first.stallAll(true);
-  ASSERT_TRUE(eventually([&] { return station.state().connections == 2; })) << station.state().error;
-  const auto said = station.said();
-  EXPECT_TRUE(std::any_of(said.begin(), said.end(), [](const std::string& line) {
-    return line.find("nothing received for 900 ms") != line.npos;
-  })) << "not after the 30 s of a single server";
-  ASSERT_TRUE(station.waitUntilDone(kPatience)) << station.state().error << station.state().current_trouble;
-  first.stallAll(false);
-  station.expectWhole(server);
 }
 
 using namespace std::chrono_literals;

@@ -7,11 +7,9 @@
 
 #include "common/base/files/files.h"
 #include "db/backup/backup.h"
-#include "db/backup/old_backups.h"
 #include "db/service/folder/data_folder.h"
 #include "db/service/start/bootstrap.h"
 #include "db/store/schema.h"
-#include "tests/support/store/backup_start.h"
 #include "tests/unit/server/live/running_server.h"
 
 namespace needlelab {
@@ -333,23 +331,6 @@ TEST_F(RestoreTest, aForgedDecisionIsNotFollowed) {
   ASSERT_FALSE(store.ok());
   EXPECT_THAT(store.error().message, HasSubstr("restore.pending"));
   EXPECT_EQ(people(), (std::vector<std::string>{"kept", "late"}));
-}
-
-TEST(BackupRotation, keepsTheNewestAndTouchesNothingElse) {
-  const TempFolder folder;
-  for (const char* day : {"01", "03", "02", "05", "04"})
-    folder.write("needlelab-202601" + std::string(day) + "T023000Z.db", startOfBackup(".db"));
-  for (const char* other :
-       {"needlelab-20250101T023000Z.db.partial", "needlelab-x.db", "thesis.doc", "needlelab.db"})
-    folder.write(other, "x");
-  fs::create_directory(folder.path() / "needlelab-20200101T000000Z.db");
-  const auto removed = removeOldBackups(folder.path() / "needlelab-20260105T023000Z.db", 2);
-  ASSERT_TRUE(removed.ok());
-  EXPECT_EQ(removed->removed.size(), 3u);
-  EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260105T023000Z.db"));
-  EXPECT_TRUE(fs::exists(folder.path() / "needlelab-20260104T023000Z.db"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 7);
-  EXPECT_EQ(backupName(1'767'321'000'000'000'000), "needlelab-20260102T023000Z.db");
 }
 
 TEST(BackupCancel, isGivenUpSoonAndLeavesNothing) {

@@ -134,20 +134,6 @@ TEST_F(SameSchema, keysAreNumberedAsInSqlite) {
   EXPECT_EQ(number("SELECT max(id) FROM consents"), 1);
 }
 
-TEST_F(SameSchema, openSessionsCountApartAndTakeTheirSumsAtTheirEnd) {
-  must(db->script(
-      "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
-      "INSERT INTO sessions (id, station, trainee, exercise_id, profile_id, profile_revision, profile_json,"
-      " engine_version, rate_hz, started_unix_ns, description, state, received_unix_ns, chunks)"
-      " VALUES (zeroblob(16), 's', '', '', '', 1, '', '', 1000, 1, '', 1, 1, 5);"
-      "UPDATE session_progress SET chunks = 7, samples = 70"));
-  EXPECT_EQ(number("SELECT chunks FROM sessions"), 0);
-  must(db->script("UPDATE sessions SET state = 2"));
-  EXPECT_EQ(number("SELECT chunks FROM sessions"), 7);
-  EXPECT_EQ(number("SELECT samples FROM sessions"), 70);
-  EXPECT_EQ(number("SELECT count(*) FROM session_progress"), 0);
-}
-
 TEST_F(SameSchema, theSumsOfAttemptsFollowTheSessions) {
   must(db->script(
       "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('s', zeroblob(32), 1);"
@@ -172,14 +158,6 @@ TEST_F(SameSchema, theSumsOfAttemptsFollowTheSessions) {
   EXPECT_EQ(sums(), 1100);
   must(db->script("UPDATE sessions SET erased = 1"));
   EXPECT_EQ(number("SELECT count(*) FROM attempt_sums"), 0);
-}
-
-TEST_F(SameSchema, theFunctionsOfSqliteAreThere) {
-  EXPECT_EQ(number("SELECT max(3::bigint, 5::bigint)"), 5);
-  EXPECT_EQ(number("SELECT min(3::bigint, 5::bigint)"), 3);
-  EXPECT_EQ(number("SELECT instr('abcb', 'b')"), 2);
-  EXPECT_EQ(number("SELECT length(zeroblob(7))"), 7);
-  EXPECT_EQ(number("SELECT CASE hex(zeroblob(1)) WHEN '00' THEN 1 ELSE 0 END"), 1);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // Bytes changed by a disk: detected and reported, never returned as samples; the rest stays readable.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <fstream>
 #include <map>
 
@@ -209,34 +208,6 @@ TEST(Corruption, aFlippedBitInTheWalGivesAnEarlierUsableState) {
     EXPECT_EQ(look(copy).readable, kSessions * kChunks);
   }
   EXPECT_GT(earlier, 0u) << "no flip hit a frame that counts";
-}
-
-TEST(Corruption, aDamagedChunkIsNamedAndItsNeighboursAreReadable) {
-  TestDb db;
-  fill(db.writer, 0, kChunks);
-  const char* const damages[] = {
-      // in its data, in its own CRC, in the CRC's column, in the count
-      "UPDATE chunks SET bytes = CAST(substr(bytes, 1, 40) || x'55' || substr(bytes, 42) AS BLOB)",
-      "UPDATE chunks SET bytes = CAST(substr(bytes, 1, length(bytes) - 1) || x'55' AS BLOB)",
-      "UPDATE chunks SET crc = crc + 1",
-      "UPDATE chunks SET samples = samples + 1",
-  };
-  for (std::uint64_t i = 0; i < 4; ++i) {
-    ASSERT_OK(db.writer.run(
-        std::string(damages[i]) + " WHERE session = (SELECT number FROM sessions WHERE id = ?) AND seq = ?",
-        ByteView(idOf(i)), 5 + i));
-  }
-  const auto check = checkDatabase(db.writer);
-  ASSERT_OK(check);
-  for (std::uint64_t i = 0; i < 4; ++i) {
-    const std::string name = "session " + uuidText(idOf(i)) + ", chunk " + std::to_string(5 + i);
-    EXPECT_TRUE(std::any_of(check->faults.begin(), check->faults.end(),
-                            [&](const std::string& fault) { return fault.find(name) != std::string::npos; }))
-        << name << " is not named";
-  }
-  const Found found = look(db.path);
-  EXPECT_EQ(found.wrong, "");
-  EXPECT_EQ(found.readable, kSessions * kChunks - 4);
 }
 
 }  // namespace

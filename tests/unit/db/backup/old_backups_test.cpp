@@ -52,12 +52,16 @@ TEST_F(OldBackupsTest, countsBothKinds) {
        {"needlelab-20260101T023000Z.nlbk", "needlelab-20260102T023000Z.db", "needlelab-20260103T023000Z.nlbk",
         "needlelab-20260104T023000Z.db", "needlelab-20260104T023000Z.txt", "needlelab-20300101T023000Z.nlbk"})
     backup(name);
+  backup("needlelab.db");
+  fs::create_directory(at("needlelab-20200101T000000Z.db"));
   const auto old = removeOldBackups(now, 3);
   ASSERT_OK(old);
   EXPECT_EQ(old->removed,
             (std::vector{at("needlelab-20260101T023000Z.nlbk"), at("needlelab-20260102T023000Z.db")}));
   EXPECT_EQ(old->later, std::vector{at("needlelab-20300101T023000Z.nlbk")});
-  EXPECT_TRUE(fs::exists(at("needlelab-20260104T023000Z.txt")));
+  for (const char* stays :
+       {"needlelab-20260104T023000Z.txt", "needlelab.db", "needlelab-20200101T000000Z.db"})
+    EXPECT_TRUE(fs::exists(at(stays))) << stays;
   EXPECT_EQ(backupName(1'767'321'000'000'000'000, kEncryptedEnding), "needlelab-20260102T023000Z.nlbk");
 }
 
