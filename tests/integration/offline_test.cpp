@@ -212,6 +212,22 @@ TEST_F(OfflineTest, aServerThatIsAwayIsNotWaitedForAtTheEnd) {
   EXPECT_GE(lab_.summary("away")["spool_left"], 1);
 }
 
+TEST_F(OfflineTest, aServerThatComesInMidLessonGetsAllOfIt) {
+  fillCacheAndStopServer();
+  auto station =
+      lab_.startStation("station", {"--exercise", "ball-free-practice", "--seconds", "4", "--drain", "30"});
+  std::this_thread::sleep_for(1500ms);
+  lab_.startServer();
+  ASSERT_EQ(station->wait(), kExitDone) << station->said();
+  const auto summary = lab_.summary("station");
+  EXPECT_EQ(summary["state"], "COMPLETE") << station->said();
+  EXPECT_EQ(summary["samples_acked"], summary["samples"]);
+  const auto stored = lab_.stored(summary["session_id"]);
+  EXPECT_EQ(stored.samples.size(), summary["samples"]);
+  // complete from its beginning: only ticks that a busy machine's loop missed precede the first sample
+  EXPECT_LE(stored.samples.front().tick, summary["missed_ticks"].get<std::uint64_t>());
+}
+
 TEST_F(OfflineTest, theListTellsWhatCanBePractisedWithAndWithoutTheServer) {
   fillCacheAndStopServer();
   const auto rowsOf = [&](const std::string& name) {
