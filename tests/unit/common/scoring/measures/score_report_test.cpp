@@ -121,17 +121,6 @@ Measure scored(const std::string& measure, std::optional<double> min, std::optio
   return row == nullptr ? Measure() : *row;
 }
 
-TEST(Requirements, boneContactsCountWhereTheExerciseRequiresThem) {
-  const Measure row = scored("bone_contacts", {}, 0);
-  EXPECT_EQ(row.value, 1);
-  EXPECT_FALSE(*row.passed);
-  EXPECT_EQ(row.words, "Bone contacts 1: above the 0 allowed");
-  EXPECT_TRUE(*scored("bone_contacts", {}, 1).passed);
-  pb::Exercise exercise;
-  demand(exercise, "bone_contacts", {}, 0);
-  EXPECT_TRUE(checkRequirements(exercise).ok()) << "a course may ask for it";
-}
-
 TEST(Requirements, sayInWordsWhetherTheyAreMet) {
   Measure row = scored("peak_force_n", {}, 5);
   EXPECT_TRUE(*row.passed);
