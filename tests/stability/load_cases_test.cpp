@@ -34,7 +34,6 @@ TEST(ReleaseUnderLoad, controlAMembraneThatPushesHarderOutThanInGivesMore) {
 
 TEST(DeratedRelease, theForceFallsAndRisesWithoutAStep) {
   const CaseRow row = rowOf("derated_release");
-  EXPECT_TRUE(isStable(row));
   // the gate lets it rise by 10 N/s
   EXPECT_LE(*row.measured, 0.0101) << rowText(row);
 }
@@ -56,7 +55,6 @@ TEST(DeratedRelease, controlAThermostatSteps) {
 
 TEST(LeverClamping, thePushAsideDiesOut) {
   const CaseRow row = rowOf("lever_clamping");
-  EXPECT_TRUE(isStable(row));
   // b + b_hand of 3.5 N·s/m and 0.06 N·m·s/rad through the lever, over T (½ + d) and the fixture's stiffness
   const double lever2 = 0.012 * 0.012 + 0.008 * 0.008 + 0.13 * 0.13;
   const double across = 1 / (1 / 3.5 + lever2 / 0.06) / 1.5e-3 / *row.coupled_margin;
@@ -77,7 +75,6 @@ TEST(LeverClamping, theSameFixtureIsStableWithoutTheLever) {
 
 TEST(ObliqueBone, holdsAtAnyAngleOnEachDevice) {
   const CaseRow row = rowOf("oblique_bone");
-  EXPECT_TRUE(isStable(row));
   // the Falcon's 1.0 N·s/m over T (½ + d) and 1000 N/m, alone and with the hand's 3 N·s/m
   EXPECT_NEAR(*row.passive_margin, 1.0 / 1.5e-3 / 1000, 1e-9);
   EXPECT_NEAR(*row.coupled_margin, 4.0 / 1.5e-3 / 1000, 1e-9);
@@ -97,7 +94,6 @@ TEST(ObliqueBone, controlBoneStifferThanTheLoopHoldsSwings) {
 
 TEST(FreeHandNoFriction, itSwingsAboutTheWallAndNoFurther) {
   const CaseRow row = rowOf("free_hand_no_friction");
-  EXPECT_TRUE(isStable(row));
   // no hand: coupled and passive limits are the same, and 0.5 N·s/m are passive up to 333 N/m
   EXPECT_NEAR(*row.passive_margin, 0.5 / 1.5e-3 / 500, 1e-9);
   EXPECT_EQ(*row.coupled_margin, *row.passive_margin);

@@ -12,7 +12,6 @@ namespace {
 
 TEST(PassivityControlCases, theFadeInGivesNothing) {
   const CaseRow row = rowOf("passivity_fade_in");
-  EXPECT_EQ(row.verdict, Verdict::kStable) << rowText(row);
   EXPECT_GT(*row.grip_energy_J, 1e-3) << "control: without it the gate's share makes a pressed spring give";
   EXPECT_LE(*row.controlled_energy_J, 5e-5);
   EXPECT_GT(*row.distortion_N, kNoticeableStep_N) << "and this is its price";

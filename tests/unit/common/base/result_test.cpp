@@ -31,12 +31,6 @@ TEST(Result, valueOfATemporaryMovesOut) {
   EXPECT_EQ(*owned, 5);
 }
 
-TEST(Result, aValueOfTypeErrorLikeTextIsNotAnError) {
-  const Result<std::string> text(std::string("fault"));
-  ASSERT_TRUE(text.ok());
-  EXPECT_EQ(text->size(), 5u);
-}
-
 TEST(Status, isSuccessUnlessGivenAnError) {
   EXPECT_TRUE(Status().ok());
   const Status failed(Error{ErrorCode::kDenied, "no"});

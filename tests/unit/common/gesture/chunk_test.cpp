@@ -281,11 +281,6 @@ TEST(Chunk, mostSamplesAtOnce) {
   EXPECT_TRUE(decodeChunk(worst).ok());
 }
 
-TEST(Chunk, equalSamplesGiveEqualBytes) {
-  const auto samples = smoothGesture(333);
-  EXPECT_EQ(encodeChunk(Resolution::standard(), samples), encodeChunk(Resolution::standard(), samples));
-}
-
 TEST(Chunk, storedSamplesEncodeToTheSameBytesAgain) {
   // A value rounded once stays on its step, so re-encoding a recording at the same resolution does not drift.
   const Bytes chunk = encodeChunk(Resolution::standard(), smoothGesture(500));

@@ -73,27 +73,5 @@ TEST(RecordedSize, recordedHandsWithEngineForcesTakeFewBytes) {
     measureSizes(recordings, recordings.real ? 3.3 : 4.9);
 }
 
-TEST(RecordedSize, recordedPosesComeBackWithinHalfAStep) {
-  auto gestures = test::recordedGestures(test::madeRecordings());
-  ASSERT_EQ(gestures.size(), 4u);
-  for (auto& gesture : test::recordedGestures(test::preferredRecordings()))
-    gestures.push_back(std::move(gesture));
-  for (const auto& gesture : gestures)
-    for (std::size_t at = 0; at < gesture.samples.size(); at += 1000) {
-      const auto part =
-          std::span(gesture.samples).subspan(at, std::min<std::size_t>(1000, gesture.samples.size() - at));
-      const auto back = decodeChunk(encodeChunk(Resolution::standard(), part));
-      ASSERT_TRUE(back.ok());
-      for (std::size_t i = 0; i < part.size(); ++i)
-        for (int k = 0; k < 3; ++k) {
-          ASSERT_TRUE(test::within((*back)[i].p_WT_m[k], part[i].p_WT_m[k], 1e-6));
-          ASSERT_TRUE(test::within((*back)[i].force_W_N[k], part[i].force_W_N[k], 1e-3));
-          ASSERT_TRUE(test::within((*back)[i].torque_W_Nm[k], part[i].torque_W_Nm[k], 1e-4));
-          ASSERT_TRUE(test::within((*back)[i].wall_W_m[k], part[i].wall_W_m[k], 1e-6));
-          ASSERT_TRUE(test::within((*back)[i].q_WT[k], part[i].q_WT[k], 0x1p-15));
-        }
-    }
-}
-
 }  // namespace
 }  // namespace needlelab

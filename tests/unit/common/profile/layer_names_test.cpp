@@ -105,13 +105,5 @@ TEST(LayerNames, aNameIsWrittenAfterItsTissueAndReadBack) {
   EXPECT_EQ(layerNames(*again), (std::vector<std::string>{"skin", "Gelenkhöhle", longest}));
 }
 
-TEST(LayerNames, aProfileWithoutNamesIsWrittenUnchanged) {
-  const auto profile = parseProfile(kGoodProfile, "p");
-  ASSERT_TRUE(profile.ok());
-  const auto written = nlohmann::json::parse(profileJson(*profile));
-  for (const auto& layer : written["layers"]) EXPECT_FALSE(layer.contains("name")) << layer;
-  EXPECT_EQ(layerNames(*profile), (std::vector<std::string>{"skin", "muscle"}));
-}
-
 }  // namespace
 }  // namespace needlelab

@@ -395,8 +395,6 @@ const WrongSection kWrongSections[] = {
     {"FIRST_ORDER", "/layers/0/first_order/stiffness_n_per_m", "", "layers[0].first_order.stiffness_n_per_m: is missing"},
     {"FIRST_ORDER", "/layers/0/first_order/friction_n_per_m", "10001", "layers[0].first_order.friction_n_per_m: 10001 is out of range [0, 10000]"},
     {"FIRST_ORDER", "/layers/0/first_order/cutting_force_n", "51", "layers[0].first_order.cutting_force_n: 51 is out of range [0, 50]"},
-    {"FIRST_ORDER", "/effects", "[\"CUTTING\", \"PUNCTURE\"]", "effects: lists PUNCTURE, which axial_model FIRST_ORDER has its own of"},
-    {"FIRST_ORDER", "/effects", "[\"CUTTING\", \"SHAFT_FRICTION\"]", "effects: lists SHAFT_FRICTION, which axial_model FIRST_ORDER has its own of"},
     {"STATISTICAL", "/statistical/table", "[]", "statistical.table: has 0 items, allowed are 1 to 256"},
     {"STATISTICAL", "/statistical/table/1/depth_m", "0", "statistical.table[1].depth_m: 0 is not above that of the row before"},
     {"STATISTICAL", "/statistical/table/1/depth_m", "1.5", "statistical.table[1].depth_m: 1.5 is out of range [0, 1]"},

@@ -110,28 +110,6 @@ TEST(VolumePatients, theMarchFindsTheGeneratorsLayers) {
   }
 }
 
-// a stretch leaves out most parts of the field
-TEST(VolumePatients, aStretchOfALineHasTheStructuresOfTheWholeField) {
-  for (const Patient& patient : patients()) {
-    SCOPED_TRACE(patient.profile.id());
-    test::Random random(6);
-    for (int i = 0; i < 100; ++i) {
-      const auto somewhere = [&] { return Vec3{random.in(-0.05, 0.05), random.in(-0.05, 0.05), 0}; };
-      const Vec3 from = somewhere() + Vec3{0, 0, 0.005}, to = somewhere() + Vec3{0, 0, -0.06};
-      const Field::OnLine line = patient.field.onLine(from, normalized(to - from));
-      const double begin_m = random.in(0, 0.08), end_m = begin_m + random.in(0.0005, 0.02);
-      const Field::Stretch stretch = line.between(begin_m, end_m);
-      for (double t_m = begin_m; t_m < end_m; t_m += 0.1e-3) {
-        const FieldPoint here = stretch.at(t_m);
-        ASSERT_EQ(here.structure, patient.field.at(line.point(t_m)).structure) << i << " at " << t_m;
-        const double free_m = std::min(t_m + 0.999999 * here.clearance_m, end_m);
-        ASSERT_EQ(here.structure, patient.field.at(line.point(free_m)).structure)
-            << i << " at " << t_m << ": clearance " << here.clearance_m;
-      }
-    }
-  }
-}
-
 TEST(VolumePatients, thePlannedPathReachesTheTargetClearOfHazards) {
   for (const Patient& patient : patients()) {
     SCOPED_TRACE(patient.profile.id());

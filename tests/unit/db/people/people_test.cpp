@@ -39,19 +39,6 @@ TEST(People, refusesTwiceTheSameNameAndWrongFields) {
   EXPECT_EQ(people.list()->size(), 2u);
 }
 
-TEST(People, noOneIsAddedUnderTheServersName) {
-  test::TestDb db;
-  PeopleStore people(db.writer);
-  for (const char* name : {"server", "Server", "SERVER"}) {
-    const Status refused = people.add({name, pb::TRAINEE, "", false, 1});
-    ASSERT_FALSE(refused) << name;
-    EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
-    EXPECT_NE(refused.error().message.find("the server itself writes"), std::string::npos);
-  }
-  EXPECT_OK(people.add({"server-room", pb::TRAINEE, "", false, 1}));
-  EXPECT_EQ(people.list()->size(), 1u);
-}
-
 TEST(People, aBidirectionalFullNameIsRefusedButOldOnesAreTolerated) {
   test::TestDb db;
   PeopleStore people(db.writer);

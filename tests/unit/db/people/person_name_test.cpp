@@ -72,7 +72,7 @@ TEST(PersonName, whatCannotBeReadOrTypedIsRefused) {
   for (const char* own : {"server", "SERVER", "Guest", "local", "Local:root", "retention", "Erasure"})
     EXPECT_THAT(refused(own), HasSubstr("take another one")) << own;
   for (const char* good : {"anna", "Bea M\u00fcller", "jos\u00e9", "\u0627\u0645\u06cc\u200c\u0631", "0815",
-                           "%", "d'Arc", "a@b.c"})
+                           "%", "d'Arc", "a@b.c", "server-room"})
     EXPECT_EQ(refused(good), "") << good;
 }
 

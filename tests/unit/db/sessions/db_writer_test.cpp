@@ -219,15 +219,6 @@ TEST(DbWriter, stopCommitsTheQueueAndRefusesMore) {
   EXPECT_FALSE(known(reader, "late"));
 }
 
-TEST(DbWriter, runGivesTheItemsOwnError) {
-  test::TestDb db;
-  DbWriter writer(std::move(db.writer), {.window = 1ms}, {});
-  EXPECT_OK(writer.run(addStation("new")));
-  const auto twice = writer.run(addStation("new"));
-  ASSERT_FALSE(twice.ok());
-  EXPECT_EQ(twice.error().code, ErrorCode::kAlreadyExists);
-}
-
 TEST(DbWriter, countsTimesGroupsAndTheLogsSize) {
   test::TestDb db;
   const auto wal = db.path.string() + "-wal";

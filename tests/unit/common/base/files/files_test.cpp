@@ -173,10 +173,6 @@ TEST(Files, aPipeWithoutAWriterIsRefusedAtOnce) {
   EXPECT_EQ(readWholeFile(pipe).error().code, ErrorCode::kInvalidInput);
 }
 
-std::size_t filesIn(const std::filesystem::path& folder) {
-  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
-}
-
 TEST(GrowingFile, appearsWhenFinished) {
   const test::TempFolder folder;
   const auto path = folder.path() / "out";
@@ -187,7 +183,7 @@ TEST(GrowingFile, appearsWhenFinished) {
   ASSERT_TRUE(file->append(viewOf("two")).ok());
   ASSERT_TRUE(file->finish().ok());
   EXPECT_EQ(*readWholeFile(path), "one two");
-  EXPECT_EQ(filesIn(folder.path()), 1u);
+  EXPECT_EQ(entriesIn(folder.path()), 1u);
 }
 
 TEST(GrowingFile, leavesNothingUnfinished) {
@@ -200,7 +196,7 @@ TEST(GrowingFile, leavesNothingUnfinished) {
     ASSERT_TRUE(moved.append(viewOf("new")).ok());
   }
   EXPECT_EQ(*readWholeFile(path), "old");
-  EXPECT_EQ(filesIn(folder.path()), 1u);
+  EXPECT_EQ(entriesIn(folder.path()), 1u);
 }
 
 TEST(GrowingFile, whatIsNoFileIsNotReplacedByOne) {
@@ -210,7 +206,7 @@ TEST(GrowingFile, whatIsNoFileIsNotReplacedByOne) {
     ASSERT_FALSE(file.ok());
     EXPECT_EQ(file.error().code, ErrorCode::kInvalidInput);
   }
-  EXPECT_EQ(filesIn(folder.path()), 0u);
+  EXPECT_EQ(entriesIn(folder.path()), 0u);
 }
 
 TEST(GrowingFile, aMissingFolderIsWrongInput) {
@@ -221,7 +217,6 @@ TEST(GrowingFile, aMissingFolderIsWrongInput) {
 }
 
 using testing::HasSubstr;
-namespace fs = std::filesystem;
 
 class OutputCheck : public testing::Test {
  protected:

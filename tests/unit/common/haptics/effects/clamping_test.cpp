@@ -271,20 +271,5 @@ TEST(Clamping, aTurnMakesNoForceJump) {
   EXPECT_GT(turns, 50);
 }
 
-TEST(Clamping, withoutTheEffectNothingTurnsAndNothingClamps) {
-  SceneSpec scene = withEffects(allEffects(), kPlacedEffects & ~kClamping);
-  scene.virtual_fixture.max_force_N = 0;
-  Probe probe(scene, 1000);
-  probe.at(-1e-4);
-  probe.go(300, 0.03);
-  for (const auto& report : probe.go(300, 0.03, 0.01)) {
-    ASSERT_EQ(report.clamping_N, 0);
-    ASSERT_EQ(report.clamping_stiffness_N_per_m, 0);
-    ASSERT_FALSE(report.flags & (kFlagTurn | kFlagClampCapped));
-  }
-  EXPECT_EQ(probe.state().u_W, probe.state().u0_W);
-  EXPECT_NEAR(probe.last().lateral_error_m, 0.01, 1e-15) << "the deviation is still reported";
-}
-
 }  // namespace
 }  // namespace needlelab::test

@@ -77,13 +77,6 @@ TEST(CutMemory, aNeedleThatSlidesAsideUnderTheSkinFeelsNoMoreThanACutOrItsWay) {
   }
 }
 
-TEST(CutMemory, withoutItTheSameTrackCostsTheWholeAgain) {
-  Probe probe(withEffects(cutScene(), kCut), 1000);
-  probe.at(-0.001);
-  probe.go(1050, 0.020);
-  EXPECT_NEAR(insertAgain(probe, 0.010).back().cutting_N, -2.0, 1e-9);
-}
-
 TEST(CutMemory, tissueIsCutOnceWithinAnInsertionToo) {
   Probe probe(cutScene(kAxial), 1000);
   probe.at(-0.001);

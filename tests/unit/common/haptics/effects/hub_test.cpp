@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "common/haptics/effects/effect_entry.h"
-#include "common/haptics/scene_model.h"
 #include "tests/support/random.h"
 #include "tests/unit/common/haptics/probe.h"
 
@@ -97,16 +96,6 @@ TEST(Hub, withoutItANeedleBeyondItsLengthIsOnlyFlagged) {
   EXPECT_NE(probe.last().flags & kFlagBeyondNeedle, 0u);
   EXPECT_EQ(hubOf(probe.last()), 0);
   EXPECT_NEAR(norm(probe.last().wrench_W.force_N), 1, 1e-9);
-}
-
-TEST(Hub, actsWithTheTissueAndWithoutMembranes) {
-  SceneSpec scene = withHub(kAxial | bitOf(Effect::kPuncture), 400);
-  const double wall = scene.tracking_wall.stiffness_N_per_m;
-  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 400);
-  scene.layers[0].membrane = MembraneSpec{450, 0, 0.4};
-  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), wall + 400);
-  scene.layers[0].membrane = MembraneSpec{950, 0, 0.4};
-  EXPECT_EQ(compiled(scene, 1000).axialStiffness_N_per_m(), 950);
 }
 
 }  // namespace

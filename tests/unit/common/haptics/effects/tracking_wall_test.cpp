@@ -49,28 +49,6 @@ TEST(TrackingWall, attractedForceFadesOutTowardTheExit) {
   }
 }
 
-TEST(TrackingWall, eachSideActsOnlyWhereItIsLive) {
-  for (const auto effect : {Effect::kCutting, Effect::kAttracted}) {
-    SceneSpec scene = withEffects(oneLayer(1.0, 0.5, 0.0), bitOf(effect));
-    Probe probe(scene, 1000);
-    probe.at(-1e-4);
-    const double in = probe.go(300, 0.010).back().cutting_N;
-    const double out = probe.go(200, 0.004).back().attracted_N;
-    EXPECT_NEAR(in, effect == Effect::kCutting ? -1.0 : 0.0, 1e-9);
-    EXPECT_NEAR(out, effect == Effect::kAttracted ? 0.5 : 0.0, 1e-9);
-  }
-}
-
-TEST(TrackingWall, withoutWallEffectsThePhaseIsKnownAndTheWallNan) {
-  Probe probe(withEffects(oneLayer(1.0, 0.5, 0.1), 0), 1000);
-  probe.at(-1e-4);
-  EXPECT_EQ(probe.go(300, 0.010).back().phase, Phase::kInserting);
-  EXPECT_TRUE(std::isnan(probe.last().p_wall_W_m.x));
-  EXPECT_EQ(probe.stay(400).back().phase, Phase::kStopped);
-  EXPECT_EQ(probe.go(200, 0.004).back().phase, Phase::kWithdrawing);
-  EXPECT_EQ(norm(probe.last().wrench_W.force_N), 0.0);
-}
-
 TEST(TrackingWall, speedIsAveragedOverATenthOfASecond) {
   Probe probe(wallScene(), 1000);
   probe.at(-1e-5);

@@ -132,14 +132,6 @@ TEST(Palpation, skinPushesBackByTheDepthOfTheBall) {
   }
 }
 
-TEST(Palpation, theCapsStiffnessActsWithoutTheNeedles) {
-  SceneSpec scene = palpable(withEffects(allEffects(), kPlacedEffects));
-  const auto along_N_per_m = [&] { return compile(scene, kRate_hz)->axialStiffness_N_per_m(); };
-  EXPECT_NEAR(along_N_per_m(), kSkin_N_per_m + kBone_N_per_m, 1e-9) << "the needle's tissue has 640";
-  scene.layers[2].membrane = MembraneSpec{950, 0, 0.5};
-  EXPECT_NEAR(along_N_per_m(), 950, 1e-9);
-}
-
 TEST(Palpation, boneUnderTissueAddsItsSpring) {
   SceneSpec shells = slabAsShells(sceneIn(slabOfTissue()));
   shells.layers.resize(2);

@@ -122,11 +122,6 @@ TEST(Reference, aGestureTouchingAHazardOrBoneIsExcluded) {
   EXPECT_EQ(whyNoReference(rowsOf({{"bone_contacts", 3}})), "3 contacts with bone");
 }
 
-TEST(Reference, layersAreNamedByTheirNumber) {
-  EXPECT_THAT(compared("peak_force_layer_12_n", 6, {2, 4, 4, 4, 5, 5, 7, 9}).words,
-              HasSubstr("Peak force in layer 12 6 N"));
-}
-
 TEST(Reference, layersAreNamedByTheProfile) {
   Measure row;
   row.name = "peak_force_layer_2_n";

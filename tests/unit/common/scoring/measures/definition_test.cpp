@@ -71,8 +71,6 @@ TEST(MeasureTable, namesAreOnceAndUnitsAreInThem) {
   EXPECT_EQ(measureWords("entries", layers), "Entries");
   EXPECT_EQ(measureWords("entries"), "Entries");
   EXPECT_EQ(measureWords("of no kind"), "of no kind");
-  EXPECT_EQ(measureKind("peak_force_layer_0_n"), nullptr);
-  EXPECT_EQ(measureKind("peak_force_layer_01_n"), nullptr);
   EXPECT_EQ(measureKind("mean_force_layer_3_n")->name, "mean_force_layer_K_n");
   EXPECT_EQ(betterOf("mean_force_layer_3_n"), Better::kLess);
   EXPECT_EQ(betterOf("no such thing"), Better::kNeither);

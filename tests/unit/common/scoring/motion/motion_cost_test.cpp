@@ -64,7 +64,6 @@ TEST(MotionCost, theLongestHonestSessionIsScoredTwiceOver) {
   const auto hour = inPieces(359'999, 1, 10);
   EXPECT_EQ(costOf(hour, 1000).points, 359'999u);
   EXPECT_TRUE(checkMotion(RecordedSamples(hour), 1000).ok());
-  EXPECT_EQ(kMaxMotionPoints, 60u * 60 * 100);
 }
 
 TEST(MotionCost, sparseSamplesAreRefusedBeforeAllocation) {
@@ -96,9 +95,7 @@ TEST(MotionCost, manyShortPiecesOfAHighRateAreRefused) {
 }
 
 TEST(MotionCost, aStationThatLosesTicksAtOneKilohertzIsScored) {
-  // half a minute of pairs between gaps of 0.101 s
-  EXPECT_TRUE(checkMotion(RecordedSamples(inPieces(300, 2, 101)), 1000).ok());
-  // and half an hour of them
+  // half an hour of pairs between gaps of 0.101 s
   EXPECT_TRUE(checkMotion(RecordedSamples(inPieces(18'000, 2, 101)), 1000).ok());
 }
 
