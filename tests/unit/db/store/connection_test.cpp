@@ -30,13 +30,6 @@ TEST(Connection, hasTheSettingsOfTheDesign) {
   EXPECT_EQ(pragma(reader, "query_only"), "1");
 }
 
-TEST(Connection, aReaderCannotWrite) {
-  test::TestDb db;
-  auto reader = db.reader();
-  EXPECT_FALSE(reader.run("DELETE FROM stations").ok());
-  EXPECT_FALSE(reader.script("CREATE TABLE t (a)").ok());
-}
-
 TEST(Connection, aLongReadIsAbortedAboveItsWalBound) {
   test::TestDb db;
   // more than ten million steps of SQLite's machine; a short read has less than a million
@@ -153,21 +146,12 @@ TEST(Connection, aFileThatIsNoDatabaseIsCorrupt) {
   EXPECT_EQ(refused.error().code, ErrorCode::kCorrupt);
 }
 
-TEST(Connection, constraintsAreEnforced) {
+TEST(Connection, aChunkNeedsItsSession) {
   test::TestDb db;
-  const auto twice = db.writer.run(
-      "INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('station-1', zeroblob(32), 1)");
-  ASSERT_FALSE(twice.ok());
-  EXPECT_EQ(twice.error().code, ErrorCode::kAlreadyExists);
   const auto orphan =
       db.writer.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (7, 0, 1, 1, x'00')");
   ASSERT_FALSE(orphan.ok());
   EXPECT_EQ(orphan.error().code, ErrorCode::kNotFound);
-  const auto not_strict =
-      db.writer.run("INSERT INTO stations (name, key_hash, created_unix_ns) VALUES ('x', zeroblob(32), 'y')");
-  ASSERT_FALSE(not_strict.ok());
-  EXPECT_EQ(not_strict.error().code, ErrorCode::kInvalidInput);
-  EXPECT_FALSE(db.writer.damaged());
 }
 
 TEST(Statement, bindsAndReadsEveryKindOfValue) {
@@ -201,21 +185,6 @@ TEST(Statement, failuresToPrepareAndBindComeOutOfStep) {
   EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput);
 }
 
-TEST(Statement, theSameTextMayBeInUseTwiceAtOnce) {
-  test::TestDb db;
-  const std::string sql = "SELECT column1 FROM (VALUES (1), (2)) WHERE column1 >= ?";
-  auto outer = db.writer.query(sql, 1);
-  ASSERT_TRUE(*outer.step());
-  {
-    auto inner = db.writer.query(sql, 2);
-    ASSERT_TRUE(*inner.step());
-    EXPECT_EQ(inner.integer(0), 2);
-  }
-  EXPECT_EQ(outer.integer(0), 1);
-  ASSERT_TRUE(*outer.step());
-  EXPECT_EQ(outer.integer(0), 2);
-}
-
 TEST(Statement, valuesOfAnEarlierUseAreForgotten) {
   test::TestDb db;
   { ASSERT_TRUE(*db.writer.query("SELECT ?", "secret").step()); }
@@ -232,33 +201,6 @@ std::int64_t stations(Connection& connection) {
 
 Status add(Connection& connection, const std::string& name) {
   return StationStore(connection).add(name, StationKeyBytes{}, 1);
-}
-
-TEST(Transaction, isUndoneUnlessCommitted) {
-  test::TestDb db;
-  {
-    auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
-    ASSERT_OK(transaction);
-    ASSERT_OK(add(db.writer, "a"));
-    EXPECT_EQ(stations(db.writer), 2);
-  }
-  EXPECT_EQ(stations(db.writer), 1);
-  {
-    auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
-    ASSERT_OK(add(db.writer, "b"));
-    ASSERT_OK(transaction->commit());
-  }
-  EXPECT_EQ(stations(db.writer), 2);
-  EXPECT_FALSE(db.writer.inTransaction());
-}
-
-TEST(Transaction, aReadViewDoesNotChange) {
-  test::TestDb db;
-  auto reader = db.reader();
-  const auto view = Transaction::begin(reader, Transaction::Kind::kRead);
-  ASSERT_OK(view);
-  ASSERT_OK(add(db.writer, "later"));
-  EXPECT_EQ(stations(reader), 1);
 }
 
 TEST(Transaction, aViewIsOnesOwnOrTheOneThatIsThere) {
@@ -280,24 +222,6 @@ TEST(Transaction, aViewIsOnesOwnOrTheOneThatIsThere) {
   }
   EXPECT_FALSE(reader.inTransaction());
   EXPECT_EQ(stations(reader), 2);
-}
-
-TEST(Savepoint, failsAlone) {
-  test::TestDb db;
-  auto transaction = Transaction::begin(db.writer, Transaction::Kind::kWrite);
-  ASSERT_OK(add(db.writer, "kept"));
-  {
-    auto savepoint = Savepoint::begin(db.writer);
-    ASSERT_OK(savepoint);
-    ASSERT_OK(add(db.writer, "undone"));
-  }
-  {
-    auto savepoint = Savepoint::begin(db.writer);
-    ASSERT_OK(add(db.writer, "kept too"));
-    ASSERT_OK(savepoint->release());
-  }
-  ASSERT_OK(transaction->commit());
-  EXPECT_EQ(stations(db.writer), 3);
 }
 
 }  // namespace

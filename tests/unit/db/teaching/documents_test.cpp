@@ -146,10 +146,8 @@ TEST_F(CurriculumStoreTest, assignsExercisesToTrainees) {
   EXPECT_EQ((*list)[0].exercise_id(), "b");
   EXPECT_EQ((*list)[1].exercise_id(), "a");
   EXPECT_EQ((*list)[1].created_unix_ns(), 30);
-  EXPECT_TRUE(assignments.list({"ben", "", ""})->empty());
   EXPECT_EQ(assignments.list({})->size(), 2u);
   EXPECT_EQ(assign("nobody", "a", 1).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(assign("anna", "z", 1).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(assign("ina", "a", 1).error().code, ErrorCode::kInvalidInput);
 }
 
