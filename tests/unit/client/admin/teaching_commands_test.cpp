@@ -234,7 +234,6 @@ TEST_F(RetentionCommands, wrongUsageIsTwo) {
         std::vector<std::string>{"knee-1", "--thin-after", "3"},
         std::vector<std::string>{"knee-1", "--rate", "3"},
         std::vector<std::string>{"knee-1", "--thin-after", "3", "--rate", "-5"},
-        std::vector<std::string>{"knee-1", "--delete-after", "40000"},
         std::vector<std::string>{"knee-1", "--delete-after", "3", "--coarser", "2"},
         std::vector<std::string>{"knee-1", "--keep", "--without-backup"}}) {
     std::vector<std::string> all = {"retention", "set"};
