@@ -132,9 +132,3 @@ test('another page of this browser logs in as somebody else: nothing is sent in 
   assert.equal(session.get().state, 'out');
   assert.equal(mock.lab.groups.has('g3'), false);
 });
-
-test('all of a person is fetched to its end', async () => {
-  await logIn('mara', kPassword);
-  const all = await people.everything('mara');
-  assert.equal(all[0].kind, 'person');
-});
