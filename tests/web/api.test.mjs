@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { get, getAll, setCsrfToken } from '../../client/web/app/net/api.js';
 import { connection } from '../../client/web/app/net/connection.js';
-import { documents, groups, lab, people } from '../../client/web/app/net/requests.js';
+import { documents, groups, people } from '../../client/web/app/net/requests.js';
 import { giveUp, logIn, logOut, session } from '../../client/web/app/net/session.js';
 import { fetchAsBrowser } from './support/browser_fetch.mjs';
 import { startMock } from './mock_server.mjs';
@@ -131,31 +131,4 @@ test('another page of this browser logs in as somebody else: nothing is sent in 
   );
   assert.equal(session.get().state, 'out');
   assert.equal(mock.lab.groups.has('g3'), false);
-});
-
-test('all of a person is fetched to its end', async () => {
-  await logIn('mara', kPassword);
-  const all = await people.everything('mara');
-  assert.equal(all[0].kind, 'person');
-});
-
-test('a code is made, removed, and required by administrators only', async () => {
-  await logIn('mara', kPassword);
-  const made = await people.setCode('anna.bauer', { make: true });
-  assert.equal(made.name, 'anna.bauer');
-  assert.match(made.code, /^\d{6}$/);
-  assert.equal((await people.one('anna.bauer')).has_code, true);
-  await people.setCode('anna.bauer', { code: '' });
-  assert.equal((await people.one('anna.bauer')).has_code, false);
-  await assert.rejects(
-    people.setCode('anna.bauer', { code: '123' }),
-    (error) => error.kind === 'invalid' && error.field === 'code',
-  );
-  assert.deepEqual(await lab.settings(), { codes_required: false, keep_recordings_of_erased: false });
-  await assert.rejects(lab.change({ codes_required: true }), { kind: 'denied' });
-  await logIn('root', kPassword);
-  assert.deepEqual(await lab.change({ codes_required: true }), {
-    codes_required: true,
-    keep_recordings_of_erased: false,
-  });
 });

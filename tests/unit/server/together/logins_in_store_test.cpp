@@ -157,14 +157,6 @@ TEST_F(LoginsInStoreTest, triesUnderWayAtTheOtherServerCount) {
   EXPECT_TRUE(standing.knows_person);
 }
 
-TEST_F(LoginsInStoreTest, whatCouldNotBeCheckedLeavesNoTrace) {
-  for (int n = 0; n < 20; ++n) {
-    auto tried = (n % 2 == 0 ? a : b).begin("person anna", "lab");
-    ASSERT_EQ(tried.wait.count(), 0) << n;
-    ASSERT_OK(a.wait(a.logins.abandoned(std::move(tried))));
-  }
-}
-
 TEST_F(LoginsInStoreTest, aTokenOfOneServerIsValidAtTheOther) {
   const std::string token = a.issue("@1");
   EXPECT_TRUE(b.lets(token));

@@ -379,32 +379,6 @@ TEST_F(RemoteLiveTest, aCommonRateIsReducedAtTheSource) {
   b.hub.detachViewer(all);
 }
 
-TEST_F(RemoteLiveTest, aSlowViewerLosesOnlyItsOwnOldestFrames) {
-  /// Like a connection whose peer reads nothing: frames wait in its queue.
-  struct Slow : HubPeer {
-    LiveQueue queue{1'000'000'000, 4096};
-    void sendControl(const pb::Envelope&) override {}
-    void sendLive(Frame frame, bool counted) override { queue.push(std::move(frame), counted, 0); }
-  } slow;
-  a.hub.attachStation("bench-1", bench);
-  sayStatus(a, "bench-1", lessonOf("tina"));
-  lab.run(200);
-  subscribe(b, slow, watchOf(1, "bench-1"));
-  subscribe(b, anna, watchOf(1, "bench-1"));
-  RecordingPeer near;
-  subscribe(a, near, watchOf(1, "bench-1"));
-  sendFrames(a, bench, 0, 200);
-  EXPECT_EQ(anna.frames().size(), 200u);
-  EXPECT_EQ(near.frames().size(), 200u);
-  EXPECT_GT(slow.queue.dropped(), 150u);
-  std::uint64_t last = 0;
-  while (const auto item = slow.queue.pop(0))
-    last = decodeFrame(viewOf(*item->frame))->live_frame().frame_seq();
-  EXPECT_EQ(last, 199u) << "the newest stays";
-  a.hub.detachViewer(near);
-  b.hub.detachViewer(slow);
-}
-
 TEST_F(RemoteLiveTest, theServerWithTheGreaterEpochHasTheStation) {
   LiveServer& c = lab.add("c");
   a.hub.attachStation("bench-1", bench, 5);

@@ -115,22 +115,6 @@ TEST(WebSession, endsWithARoleThatAListOfPeopleChanges) {
   EXPECT_EQ(viewer->closeCode(), 1008);
 }
 
-TEST(WebSession, anErasedNameDoesNotComeBackIntoTheAuditLog) {
-  WebLab lab;
-  Browser ada = lab.browserOf("ada"), tina = lab.browserOf("tina");
-  EXPECT_EQ(askChecked(tina, "GET", "/api/v1/profiles").status, 200);
-  const WebReply erased = askChecked(ada, "DELETE", "/api/v1/people/tina/data", R"({"confirm": "tina"})");
-  ASSERT_EQ(erased.status, 200) << erased.body;
-  const std::string pseudonym = erased.json()["pseudonym"];
-  EXPECT_EQ(askChecked(tina, "GET", "/api/v1/profiles").status, 401);
-  // another thread writes the line
-  EXPECT_TRUE(eventually([&] {
-    const std::string audit = askChecked(ada, "GET", "/api/v1/audit").body;
-    EXPECT_THAT(audit, testing::Not(HasSubstr("tina")));
-    return audit.find("access ended") != std::string::npos && audit.find(pseudonym) != std::string::npos;
-  }));
-}
-
 TEST(WebSession, aChangeNeedsTheTokenOfItsSession) {
   WebLab lab;
   Browser ada = lab.browserOf("ada"), other = lab.browserOf("ada");

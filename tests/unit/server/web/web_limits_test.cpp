@@ -339,30 +339,6 @@ TEST(WebLimits, silentConnectionsOfAnAddressDoNotKeepItsPeopleOut) {
   EXPECT_TRUE(silent.front()->ends()) << "the oldest stranger gave way";
 }
 
-TEST(WebLimits, onlyStrangersAreCountedByAddress) {
-  WebLab lab([](ServerOptions& options) { options.web.admission.strangers_of_address = 2; });
-  Browser ines = lab.browserOf("ines");
-  std::vector<std::unique_ptr<WebWire>> open;
-  for (int i = 0; i < 6; ++i) {
-    open.push_back(std::make_unique<WebWire>(lab.port()));
-    (void)open.back()->send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
-    EXPECT_EQ(open.back()->read().status, 200);
-  }
-  // a log-in also makes its connection known
-  WebWire fresh(lab.port());
-  (void)fresh.send(
-      requestText("POST", "/api/v1/session", json{{"name", "mara"}, {"password", kWebPassword}}.dump()));
-  EXPECT_EQ(fresh.read().status, 200);
-  WebWire first(lab.port()), second(lab.port()), third(lab.port());
-  EXPECT_TRUE(first.ends()) << "the oldest of three strangers";
-  for (const auto& wire : open) {
-    (void)wire->send(requestText("GET", "/api/v1/session", "", ines.own("GET")));
-    EXPECT_EQ(wire->read().status, 200);
-  }
-  (void)fresh.send(requestText("GET", "/"));
-  EXPECT_EQ(fresh.read().status, 200);
-}
-
 TEST(WebLimits, anExhaustedShareIsCountedAndLoggedOnce) {
   WebLab lab([](ServerOptions& options) {  // for two consents, including overhead
     options.shares.own_bytes = 2.0 * (200 + PeopleShares::kRequestBytes);

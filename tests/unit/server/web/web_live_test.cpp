@@ -112,41 +112,6 @@ TEST(WebLive, theLayerHasTheNameOfTheSessionsProfile) {
   }
 }
 
-TEST(WebLive, thePeakCoversTheSessionForALateViewer) {
-  WebLab lab;
-  auto station = lab.server().connect(ofStation(lab.stationKey()));
-  ASSERT_TRUE(station.ok());
-  pb::Envelope envelope;
-  auto& status = *envelope.mutable_station_status();
-  status.set_trainee("tina");
-  status.set_session_id(std::string(16, 'x'));
-  status.set_force_n(1);
-  Browser ines = lab.browserOf("ines");
-  // the station's own peak, from before anyone watched; then what the server saw
-  for (const double own_peak_N : {6.5, 0.0}) {
-    status.set_peak_force_n(own_peak_N);
-    status.set_session_id(std::string(16, own_peak_N > 0 ? 'x' : 'y'));
-    if (own_peak_N == 0) {
-      // a higher force while no one watches
-      status.set_force_n(4);
-      ASSERT_TRUE(station->send(envelope).ok());
-      (void)station->receive(milliseconds(50));  // it sends while it waits
-      status.set_force_n(2);
-    }
-    ASSERT_TRUE(station->send(envelope).ok());
-    (void)station->receive(milliseconds(50));
-    const auto viewer = ines.live();
-    ASSERT_TRUE(viewer);
-    json tile;
-    for (int i = 0; i < 50 && (tile.is_null() || tile["force_n"] != status.force_n()); ++i) {
-      const auto text = viewer->readText();
-      ASSERT_TRUE(text.has_value());
-      tile = tileOf(*text, "bench");
-    }
-    EXPECT_EQ(tile["peak_force_n"], own_peak_N > 0 ? 6.5 : 4);
-  }
-}
-
 TEST(WebLive, whoDoesNotReadIsCutWhenItsBufferIsFull) {
   WebLab lab([](ServerOptions& options) {
     options.web.live_period = milliseconds(10);

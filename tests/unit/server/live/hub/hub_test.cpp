@@ -78,20 +78,6 @@ TEST(Hub, aStationHearsWhetherSomebodyWatches) {
   EXPECT_FALSE(lastWatchState(station));
 }
 
-TEST(Hub, aViewerMayWaitForAStationThatIsNotYetOnline) {
-  Hub hub;
-  FakePeer station, anna;
-  ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
-  ASSERT_EQ(anna.control.size(), 2u);
-  EXPECT_TRUE(anna.control[0].has_subscribed());
-  EXPECT_FALSE(anna.control[1].station_status().online());
-  hub.attachStation("bench-1", station);
-  EXPECT_TRUE(anna.control.back().station_status().online());
-  EXPECT_TRUE(lastWatchState(station));
-  hub.detachStation("bench-1", station);
-  EXPECT_FALSE(anna.control.back().station_status().online());
-}
-
 TEST(Hub, framesAreEncodedOnceAndSharedByAllViewers) {
   Hub hub;
   FakePeer station;

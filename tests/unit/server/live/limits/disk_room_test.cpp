@@ -96,18 +96,6 @@ TEST(DiskRoom, whatWasTakenDuringALookIsNotForgotten) {
 
 // The finding: refused requests of 1 MB counted until the second check after them, so one instructor blocked
 // new sessions; and the resulting level was left only with a quarter more than its threshold.
-TEST(DiskRoom, whatIsNotStoredIsRoomAgainAtOnce) {
-  DiskRoom room(64 * kMiB);
-  room.look({.disk_bytes = 293 * kMiB});
-  for (int n = 0; n < 1000; ++n) {
-    room.take(kMiB);
-    EXPECT_EQ(room.leftBytes(), 291 * kMiB) << n;
-    room.settle(kMiB, false);
-  }
-  EXPECT_EQ(room.leftBytes(), 293 * kMiB);
-  EXPECT_EQ(room.level(), kPlenty);
-}
-
 TEST(DiskRoom, aLevelThatOnlyRefusedRequestsReachedIsLeftWithThem) {
   DiskRoom room(64 * kMiB);
   room.look({.disk_bytes = 293 * kMiB});

@@ -51,12 +51,6 @@ TEST(HandshakeTurns, areOnlyHeldWhileTheServerComputes) {
   EXPECT_EQ(turns.next(0), std::optional<std::uint64_t>(1));
 }
 
-TEST(HandshakeTurns, theNewestOfAnAddressGoesFirst) {
-  HandshakeTurns turns(turnSettings());
-  for (std::uint64_t id = 1; id <= 3; ++id) turns.came(id, "a", false);
-  EXPECT_EQ(allAnswered(turns, 0), (Ids{3, 2, 1}));
-}
-
 TEST(HandshakeTurns, anAddressWaitsForItsOwnPlacesOnly) {
   HandshakeTurns turns(turnSettings());
   for (std::uint64_t id = 1; id <= 5; ++id) turns.came(id, "silent", false);

@@ -406,28 +406,6 @@ TEST(Access, aChangeDuringThePasswordCheckIsDetected) {
   EXPECT_EQ(all[0].refusal().reason(), pb::Refusal::LOGIN);
 }
 
-TEST(Access, changesToOthersAccountsCostALogInNoSecondCheck) {
-  RunningServer server;
-  server.addUser("chief", pb::ADMINISTRATOR, kPassword);
-  server.addUser("anna", pb::INSTRUCTOR, kPassword);
-  server.addUser("tom", pb::TRAINEE, kPassword);
-  auto chief = server.connect(personLogin("chief", kPassword));
-  ASSERT_TRUE(chief.ok());
-  RawPeer peer(server);
-  peer.greet();
-  PasswordChecks checks(PasswordChecks::Gate::kClosed);
-  pb::Envelope login;
-  *login.mutable_login() = personLogin("anna", kPassword);
-  peer.send(login);
-  ASSERT_TRUE(checks.waitForOne());
-  ASSERT_TRUE(chief->call(disable("tom")).ok());
-  checks.openGate();
-  const auto answer = peer.receive();
-  ASSERT_TRUE(answer.has_value());
-  EXPECT_TRUE(answer->has_welcome()) << answer->ShortDebugString();
-  EXPECT_EQ(checks.all().size(), 1u) << "with a check for each change a log-in might wait without end";
-}
-
 TEST(Access, aTokenExpiresButItsOpenConnectionStays) {
   // expires at once: Tokens' own tests use the clock
   RunningServer server([](ServerOptions& options) { options.token_lifetime = milliseconds(0); });

@@ -86,21 +86,6 @@ TEST(ConnectionLogin, aTokenReplacesThePasswordUntilTheAccountIsDisabled) {
   EXPECT_EQ(server.connect(by_token).error().code, ErrorCode::kDenied);
 }
 
-TEST(ConnectionLogin, disablingAnAccountOverTheWireEndsItsConnections) {
-  RunningServer server;
-  server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
-  server.addUser("chief", pb::ADMINISTRATOR, "another long password");
-  auto anna = server.connect(personLogin("anna", "correct horse battery"));
-  auto chief = server.connect(personLogin("chief", "another long password"));
-  ASSERT_TRUE(anna.ok() && chief.ok());
-  pb::Request disable;
-  disable.mutable_disable_user()->set_name("anna");
-  ASSERT_TRUE(chief->call(disable).ok());
-  const auto refusal = waitForRefusal(*anna);
-  EXPECT_EQ(refusal.reason(), pb::Refusal::LOGIN);
-  EXPECT_TRUE(refusal.fatal());
-}
-
 TEST(ConnectionLogin, guessingIsSlowedDown) {
   RunningServer server([](ServerOptions& options) { options.guard.allowed_per_name = 2; });
   server.addUser("anna", pb::INSTRUCTOR, "correct horse battery");
@@ -135,15 +120,6 @@ TEST(ConnectionLogin, anUntrustedServerIsNotTalkedTo) {
   const auto client = BlockingClient::connect(config);
   ASSERT_FALSE(client.ok());
   EXPECT_EQ(client.error().code, ErrorCode::kDenied);
-}
-
-TEST(ConnectionLogin, anAbsentServerIsUnavailable) {
-  RunningServer server;
-  auto config = server.config(stationLogin("bench-1", "x"));
-  (void)server.stop();
-  const auto client = BlockingClient::connect(config);
-  ASSERT_FALSE(client.ok());
-  EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
 }
 
 /// Stations close hundreds of sessions, as after a long outage: a log-in at that time must not wait for all

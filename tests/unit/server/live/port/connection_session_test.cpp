@@ -55,13 +55,6 @@ TEST(ConnectionSession, chunksAreAcknowledgedAfterTheyAreStored) {
   EXPECT_EQ(info.state(), pb::SESSION_OPEN);
 }
 
-TEST(ConnectionSession, openAndChunksMayBeSentInOneBreath) {
-  StationAndServer s;
-  ASSERT_TRUE(s.client.send(s.session.open()).ok());
-  for (std::uint64_t seq = 0; seq < 5; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
-  s.session.waitForAck(s.client, 5);
-}
-
 TEST(ConnectionSession, aRepeatedChunkIsAcknowledgedAndStoredOnce) {
   StationAndServer s;
   s.open();
@@ -203,12 +196,6 @@ TEST(ConnectionSession, sessionsOfOthersAreUnknown) {
   ASSERT_TRUE(other->send(FakeSession("bench-1").open()).ok());
   EXPECT_EQ(waitForRefusal(*other).reason(), pb::Refusal::INVALID);
   EXPECT_EQ(s.stored().chunks(), 0u);
-}
-
-TEST(ConnectionSession, chunksBeforeAnySessionAreNotLegal) {
-  StationAndServer s;
-  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
-  EXPECT_EQ(waitForRefusal(s.client).reason(), pb::Refusal::STATE);
 }
 
 TEST(ConnectionSession, aSessionClosesWhenCountSamplesAndHashAgree) {
@@ -453,24 +440,6 @@ TEST(Closes, thoseThatWaitHaveNoPartInTheBudget) {
     (void)waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); });
 }
 
-TEST(ConnectionSession, theScoreComesWithTheClose) {
-  StationAndServer s;
-  pb::Request list;
-  list.mutable_list_profiles();
-  const auto profiles = s.server.asAdmin(list).profiles();
-  ASSERT_GT(profiles.profiles_size(), 0) << "the sample profiles are loaded at the first start";
-  pb::Request get;
-  get.mutable_get_profile()->set_id(profiles.profiles(0).id());
-  const std::string json = s.server.asAdmin(get).profile().json();
-  ASSERT_TRUE(s.client.send(s.session.open(json)).ok());
-  for (std::uint64_t seq = 0; seq < 5; ++seq) ASSERT_TRUE(s.client.send(s.session.chunk(seq)).ok());
-  ASSERT_TRUE(s.client.send(s.session.close(5)).ok());
-  const auto closed =
-      waitFor(s.client, [](const pb::Envelope& e) { return e.has_session_closed(); }).session_closed();
-  EXPECT_THAT(closed.score_json(), HasSubstr("elapsed_s"));
-  EXPECT_EQ(s.stored().score_json(), closed.score_json());
-}
-
 TEST(ConnectionSession, afterARestartTheServerResumesWhereTheDatabaseEnds) {
   StationAndServer s;
   s.open();
@@ -539,22 +508,6 @@ TEST(ConnectionSession, aVerifiedBackupMovesTheSafeWatermark) {
   const auto ack =
       waitFor(s.client, [](const pb::Envelope& e) { return e.has_ack() && e.ack().safe_seqs() > 0; });
   EXPECT_EQ(ack.ack().safe_seqs(), 3u) << "the last one with the session's end";
-}
-
-TEST(ConnectionSession, clockOffsetsAreStoredWithTheLeastRoundTrip) {
-  StationAndServer s;
-  s.open();
-  for (const auto& [offset, round_trip] : {std::pair{100, 50}, std::pair{200, 20}, std::pair{300, 90}}) {
-    pb::Envelope envelope;
-    envelope.mutable_clock_offset()->set_session_id(s.session.id());
-    envelope.mutable_clock_offset()->set_offset_ns(offset);
-    envelope.mutable_clock_offset()->set_round_trip_ns(round_trip);
-    ASSERT_TRUE(s.client.send(envelope).ok());
-  }
-  ASSERT_TRUE(s.client.send(s.session.chunk(0)).ok());
-  s.session.waitForAck(s.client, 1);
-  EXPECT_EQ(s.stored().clock_offset_ns(), 200);
-  EXPECT_EQ(s.stored().clock_round_trip_ns(), 20);
 }
 
 pb::Envelope clockOffset(const FakeSession& session, std::int64_t offset_ns, std::int64_t round_trip_ns) {

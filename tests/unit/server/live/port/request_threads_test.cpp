@@ -463,44 +463,6 @@ TEST_F(RequestThreadsTest, theClosesOfAConnectionThatHasEndedAreDropped) {
   EXPECT_EQ(closes_done, 0);
 }
 
-TEST_F(RequestThreadsTest, verifyingALongSessionYieldsBetweenSteps) {
-  constexpr std::uint64_t kChunks = 20'000;  // more than kVerifiedBytesAtOnce, by its count
-  const Uuid id = makeUuidV7();
-  ASSERT_TRUE(store->writer()
-                  .run([&](Connection& c) -> Status {
-                    RETURN_IF_ERROR(StationStore(c).add("station-1", StationKeyBytes{}, 1));
-                    SessionStore sessions(c);
-                    if (const auto opened = sessions.open(test::describe(id), 1); !opened)
-                      return opened.error();
-                    for (std::uint64_t seq = 0; seq < kChunks; ++seq)
-                      if (const auto stored = sessions.append(id, seq, test::chunkOf(seq, 1)); !stored)
-                        return stored.error();
-                    return {};
-                  })
-                  .ok());
-  pb::Request verify;
-  verify.mutable_verify_session()->set_session_id(test::bytesOfId(id));
-  ASSERT_EQ(threadsOf(verify, pb::INSTRUCTOR), RequestThreads::kSlow);
-  occupy(*context.work.slow_workers_of_people, "ada");
-  std::shared_ptr<Outcome> outcome;
-  asio::co_spawn(loop.io, answer({"ines", pb::INSTRUCTOR}, verify, &outcome), rethrow);
-  loop.io.restart();
-  loop.io.poll();
-  // comes after ines and is done before she has read everything: her last step sees its effect
-  context.work.slow_workers_of_people->post(turnNameOf({"mara", pb::CURRICULUM_MANAGER}), [this] {
-    EXPECT_TRUE(store->writer()
-                    .run([](Connection& c) {
-                      return c.run("UPDATE chunks SET crc = crc + 1 WHERE seq = ?", kChunks - 1);
-                    })
-                    .ok());
-  });
-  release();
-  ASSERT_TRUE(loop.runUntil([&] { return outcome != nullptr; }));
-  ASSERT_FALSE(outcome->error) << outcome->error->message;
-  EXPECT_FALSE(outcome->reply.verified().ok());
-  EXPECT_THAT(outcome->reply.verified().text(), testing::HasSubstr("chunk 19999"));
-}
-
 /// A station that receives nothing.
 struct DeafStation : HubPeer {
   void sendControl(const pb::Envelope&) override {}
