@@ -320,5 +320,69 @@ TEST(LivePlane, framesReachTheViewerOverTheWire) {
                    .watched());
 }
 
+TEST(LivePlane, aViewerThatDoesNotReadHoldsUpNeitherStoreNorOthers) {
+  Lab lab;
+  lab.server.addUser("slow", pb::INSTRUCTOR, "correct horse battery");
+  auto config = lab.server.config(personLogin("slow", "correct horse battery"));
+  config.limits.socket_buffer_bytes = 128 << 10;
+  auto slow = BlockingClient::connect(config);
+  ASSERT_TRUE(slow.ok());
+  pb::Envelope subscribe;
+  subscribe.mutable_subscribe()->set_subscription(1);
+  subscribe.mutable_subscribe()->set_station("bench-1");
+  for (BlockingClient* client : {&*slow, &lab.instructor}) {
+    ASSERT_TRUE(client->send(subscribe).ok());
+    (void)waitFor(*client, [](const pb::Envelope& e) { return e.has_subscribed(); });
+  }
+  // From here on `slow` does not read, so its socket fills up. 20 MB of frames, with chunks between them.
+  FakeSession session("bench-1");
+  ASSERT_TRUE(lab.station.send(session.open()).ok());
+  const auto sendFrame = [&](std::uint64_t n) {
+    pb::Envelope frame;
+    frame.mutable_live_frame()->set_frame_seq(n);
+    frame.mutable_live_frame()->set_data(std::string(50'000, 'x'));
+    EXPECT_TRUE(lab.station.send(frame).ok());
+  };
+  std::uint64_t got = 0, slow_got = 0, next = 0;
+  while (next < 400) {
+    sendFrame(next);
+    if (next % 40 == 0) {
+      ASSERT_TRUE(lab.station.send(session.chunk(next / 40)).ok());
+      session.waitForAck(lab.station, next / 40 + 1);
+    } else {
+      (void)lab.station.receive(milliseconds(1));
+    }
+    ++next;
+    for (;;) {
+      const auto envelope = lab.instructor.receive(milliseconds(0));
+      if (!envelope.ok()) break;
+      got += envelope->has_live_frame() ? 1u : 0u;
+    }
+  }
+  // A viewer's first frame from number 400 on; counts those before it; sends more until one arrives.
+  const auto newest = [&](BlockingClient& viewer, std::uint64_t& count) -> pb::LiveFrame {
+    for (;;) {
+      sendFrame(next++);
+      (void)lab.station.receive(milliseconds(1));
+      auto envelope = viewer.receive(milliseconds(20));
+      for (; envelope.ok(); envelope = viewer.receive(milliseconds(20))) {
+        if (!envelope->has_live_frame()) continue;
+        if (envelope->live_frame().frame_seq() >= 400) return envelope->live_frame();
+        ++count;
+      }
+      if (envelope.error().code == ErrorCode::kNotFound) continue;
+      ADD_FAILURE() << envelope.error().message;
+      return {};
+    }
+  };
+  // The slow viewer wakes up: it gets the newest frames and is told about its loss.
+  for (const auto& [viewer, count] : {std::pair{&lab.instructor, &got}, {&*slow, &slow_got}}) {
+    const pb::LiveFrame last = newest(*viewer, *count);
+    EXPECT_EQ(*count + last.dropped_for_you(), last.frame_seq()) << "every frame is either there or counted";
+  }
+  EXPECT_GT(got, 350u) << "the fast viewer gets (nearly) all";
+  EXPECT_LT(slow_got, 400u);
+}
+
 }  // namespace
 }  // namespace needlelab
