@@ -5,6 +5,7 @@
 #include <set>
 #include <string>
 
+#include "common/base/files/files.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/db/test_db.h"
 

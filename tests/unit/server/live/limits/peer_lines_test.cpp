@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-constexpr std::int64_t kAMinute_ns = LogBound::kMinute_ns, kASecond_ns = kAMinute_ns / 60;
+constexpr std::int64_t kAMinute_ns = LogBound::kMinute_ns;
 constexpr std::uint64_t kAMinute = PeerLines::Settings{}.a_minute;
 
 /// `times` lines at once.

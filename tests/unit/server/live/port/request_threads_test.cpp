@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "client/net/link/connect.h"
+#include "common/base/time/clock.h"
 #include "db/service/requests/requests.h"
 #include "server/live/login/account_login.h"
 #include "server/live/port/request_effects.h"
