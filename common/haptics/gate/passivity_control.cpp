@@ -1,7 +1,6 @@
 #include "common/haptics/gate/passivity_control.h"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cmath>
 
@@ -35,41 +34,7 @@ double workOf(const Wrench& wrench, const Pose& from, const Pose& to) {
   return dot(wrench.force_N, to.p - from.p) + dot(wrench.torque_Nm, turnBetween(from.q, to.q));
 }
 
-class Fnv {
- public:
-  void add(std::uint64_t word) {
-    for (int byte = 0; byte < 8; ++byte) value_ = (value_ ^ ((word >> (8 * byte)) & 0xffu)) * 1099511628211u;
-  }
-  void add(double number) { add(std::bit_cast<std::uint64_t>(number)); }
-  void add(Vec3 v) { add(v.x), add(v.y), add(v.z); }
-  [[nodiscard]] std::uint64_t value() const { return value_; }
-
- private:
-  std::uint64_t value_ = 14695981039346656037u;
-};
-
 }  // namespace
-
-std::uint64_t hashOf(const PassivityState& state) {
-  Fnv hash;
-  hash.add(state.level_J);
-  hash.add(state.share);
-  for (const Pose& pose : state.poses) {
-    hash.add(pose.p);
-    for (const double part : {pose.q.x, pose.q.y, pose.q.z, pose.q.w}) hash.add(part);
-  }
-  for (const Wrench& wrench : state.rendered) {
-    hash.add(wrench.force_N);
-    hash.add(wrench.torque_Nm);
-  }
-  for (const Wrench& wrench : {state.acting, state.given}) {
-    hash.add(wrench.force_N);
-    hash.add(wrench.torque_Nm);
-  }
-  hash.add(std::uint64_t{state.next_pose} | std::uint64_t{state.known_poses} << 32);
-  hash.add(std::uint64_t{state.next_wrench} | std::uint64_t{state.unseen_ticks} << 32);
-  return hash.value();
-}
 
 PassivityControl::PassivityControl(const PassivitySettings& settings, double rate_hz) noexcept
     : settings_(settings), period_s_(1 / rate_hz) {

@@ -39,11 +39,9 @@ struct PassivityState {
   Wrench given{};                            ///< the wrench given to the device in the newest of those ticks
   std::uint32_t next_pose = 0, known_poses = 0, next_wrench = 0;
   std::uint32_t unseen_ticks = 0;  ///< ticks since the newest pose
+  friend bool operator==(const PassivityState&, const PassivityState&) = default;
 };
 static_assert(std::is_trivially_copyable_v<PassivityState>);
-
-/// 64-bit FNV-1a over the whole state.
-std::uint64_t hashOf(const PassivityState& state);
 
 /// Time-domain passivity (Hannaford and Ryu 2002) with an energy tank (Franken et al. 2011). The observer is
 /// exact if a wrench is held for a tick and acts a known number of ticks late: its work is wrench × distance.
