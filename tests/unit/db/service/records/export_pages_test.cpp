@@ -245,9 +245,9 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
     pb::CloseSession close = test::closeOf(id, 3);
     SessionHash hash;
     for (std::uint64_t seq = 0; seq < 3; ++seq) {
-      // chunk 1 remembers cuts after its sixth sample, chunk 2 has bytes that are not a memory
-      const Bytes cuts = seq == 1 ? encodeCuts({1025, {}, 4}) : seq == 2 ? Bytes(20, 7) : Bytes();
-      const Bytes paths = seq == 1 ? pathAt(1030) : seq == 2 ? Bytes(20, 7) : Bytes();
+      // chunk 0 remembers cuts at its first sample, chunk 1 after its sixth, chunk 2 has bytes that are not a memory
+      const Bytes cuts = seq < 2 ? encodeCuts({1000 + seq * 25, {}, 4}) : Bytes(20, 7);
+      const Bytes paths = seq < 2 ? pathAt(1000 + seq * 30) : Bytes(20, 7);
       const Bytes chunk = encodeChunk({}, test::someSamples(1000 + seq * 20, 20), cuts, paths);
       hash.update(chunk);
       if (auto appended = SessionStore(c).append(id, seq, chunk); !appended) return appended.error();
@@ -297,6 +297,10 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
     EXPECT_EQ(given[i].p_WT_m[2], original[i].p_WT_m[2]) << "measured values are unchanged";
     EXPECT_EQ(given[i].force_W_N[0], original[i].force_W_N[0]);
   }
+  read.mutable_read_study_recording()->set_from_seq(0);
+  const auto first = get(researcher, read).chunks().chunks(0);
+  EXPECT_EQ(cutMemoryOf(viewOf(first.data())), encodeCuts({0, {}, 4})) << "remembered at the first sample";
+  EXPECT_EQ(pathListOf(viewOf(first.data())), pathAt(0));
 }
 
 TEST_F(ExportPages, aStudyRecordingsReplyShiftsABoundedNumberOfSamples) {
