@@ -25,7 +25,7 @@ SUBJECTS = {
     "writer": (["db/sessions/db_writer.cpp", "db/sessions/session_appends.cpp", "db/sessions/session_store.cpp"], ["db_test", "server_net_test"]),
     "spool": (["client/net/spool/spool*.cpp"], ["net_test", "spool_order_test"]),
     "hub": (["server/live/hub/hub*.cpp"], ["server_test", "server_net_test"]),
-    "permissions": (["db/service/requests/requests.cpp", "db/service/**/*_handlers.cpp", "server/live/port/rules.cpp"], ["server_test", "service_test"]),
+    "permissions": (["db/service/requests/requests.cpp", "db/service/**/*_handlers.cpp", "server/live/port/rules.cpp"], ["server_test", "service_test", "service_records_test"]),
 }
 SWAPS = [("<=", "<"), (">=", ">"), (" < ", " <= "), (" > ", " >= "), ("==", "!="), ("!=", "=="), ("&&", "||"), ("||", "&&"), (" + ", " - "), (" - ", " + "),
          (" * ", " / "), ("true", "false"), ("false", "true"), ("std::min", "std::max"), ("std::max", "std::min"), ("if (!", "if ("), ("++", "--")]

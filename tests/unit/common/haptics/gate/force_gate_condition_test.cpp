@@ -126,15 +126,15 @@ TEST(ForceGateCondition, theEmergencyStopNamesTheFaultAndLaterOnesDoNot) {
 TEST(ForceGateCondition, anAcknowledgementBeforeTheFirstTickWithoutTheCauseDoesNotCount) {
   // without a tick between, found by a simulated run: the cause ended while the device was read, after the
   // acknowledgement
-  for (const bool lasts : {true, false}) {
+  for (const int ticks : {1, 50, 51}) {
     for (const auto& [flag, fault] : kOwnFaults) {
       Bench b;
       b.running();
       b.outside = true;
       b.condition = flag;
-      b.run(50);
+      b.run(std::min(ticks, 50));
       b.gate.acknowledge();
-      if (lasts) {
+      if (ticks > 50) {
         b.tick();
         EXPECT_TRUE(b.gate.causeLasts());
       }

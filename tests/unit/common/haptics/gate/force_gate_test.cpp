@@ -185,6 +185,31 @@ TEST(ForceGate, theContinuousLimitCanBeHeldForGood) {
   }
 }
 
+// Whatever is wanted: the heat of every 10 s, summed tick by tick, stays within that of the continuous
+// magnitude.
+TEST(ForceGate, theHeatOfEveryTenSecondsStaysWithinTheBudget) {
+  for (const double peak : {10.0, 100.0}) {
+    constexpr double kContinuous = 3, kRate_hz = 500;
+    constexpr std::size_t kWindow = 5000;
+    ThermalBudget budget(peak, kContinuous, 1 / kRate_hz);
+    Random random(9);
+    std::vector<double> heat;
+    double sum = 0, worst = 0;
+    while (heat.size() < 100'000) {
+      const double wanted = random.chance(0.5) ? 0 : peak;
+      for (std::uint64_t left = 25 + random.below(random.chance(0.5) ? 200 : 4900); left > 0; --left) {
+        const double given = std::min(wanted, budget.allowed(wanted));
+        budget.spend(given);
+        heat.push_back(given * given / kRate_hz);
+        sum += heat.back() - (heat.size() > kWindow ? heat[heat.size() - 1 - kWindow] : 0);
+        worst = std::max(worst, sum);
+      }
+    }
+    EXPECT_LE(worst, kContinuous * kContinuous * 10 * (1 + 1e-9)) << peak;
+    EXPECT_GT(worst, kContinuous * kContinuous * 10 * 0.8) << peak;
+  }
+}
+
 TEST(ForceGate, aRejectedSampleHoldsTheForceAndAGoodOneResumes) {
   const std::vector<TipSample> bad = {
       {{kNaN, 0, 0}, {}}, {{0, kInf, 0}, {}}, {{0, 0, 0}, {0, 0, 0, kNaN}}, tipAt(1.0)};

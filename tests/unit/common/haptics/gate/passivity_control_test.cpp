@@ -140,6 +140,17 @@ TEST(PassivityControl, theTankAlsoHoldsWhatTheSpringsHold) {
   EXPECT_NEAR(control.state().level_J, 3e-3, 1e-12) << "relaxed";
 }
 
+// A step of a coarse encoder back to where the force pushes is 10 mm/s for a tick, and 1.4 mm/s over the
+// window of 7 ms. The tank of 20 µJ pays the latter's 1.4 mW for the horizon of 5 ticks; of the former's 10
+// mW it could pay a fifth.
+TEST(PassivityControl, aStepOfTheEncoderIsNotTakenForASpeed) {
+  PassivityControl control(withTank(20e-6, 20e-6), kControlRate_hz);
+  const Course of = driven(
+      control, 60, [](double t) { return t < 0.05 ? 0.0 : 10e-6; }, [](double, double) { return 1.0; });
+  EXPECT_NEAR(of.level_J.back(), 10e-6, 1e-12) << "it is paid for";
+  EXPECT_EQ(*std::min_element(of.share.begin(), of.share.end()), 1);
+}
+
 // A force that turns from taking to giving in a tick, with a tank that pays for a slow fall; then with none.
 TEST(PassivityControl, changesAForceByAtMostThreeTenthsOfANewtonATickWhereTheTankPays) {
   for (const double force_N : {2.0, 4.0}) {

@@ -245,7 +245,8 @@ TEST_F(ExportPages, aStudysNumbersAreNotChangedByNamesAndTellNoStation) {
     pb::CloseSession close = test::closeOf(id, 3);
     SessionHash hash;
     for (std::uint64_t seq = 0; seq < 3; ++seq) {
-      // chunk 0 remembers cuts at its first sample, chunk 1 after its sixth, chunk 2 has bytes that are not a memory
+      // chunk 0 remembers cuts at its first sample, chunk 1 after its sixth, chunk 2 has bytes that are not a
+      // memory
       const Bytes cuts = seq < 2 ? encodeCuts({1000 + seq * 25, {}, 4}) : Bytes(20, 7);
       const Bytes paths = seq < 2 ? pathAt(1000 + seq * 30) : Bytes(20, 7);
       const Bytes chunk = encodeChunk({}, test::someSamples(1000 + seq * 20, 20), cuts, paths);
