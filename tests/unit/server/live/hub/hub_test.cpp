@@ -245,6 +245,8 @@ TEST(Hub, anOversizedFrameIsRefused) {
   FakePeer station;
   hub.attachStation("bench-1", station);
   pb::LiveFrame frame;
+  frame.set_data(std::string(64u << 10, 'x'));
+  EXPECT_FALSE(hub.onLiveFrame("bench-1", frame, 0)) << "just as long as the limit";
   frame.set_data(std::string((64u << 10) + 1, 'x'));
   const auto refusal = hub.onLiveFrame("bench-1", frame, 0);
   ASSERT_TRUE(refusal.has_value());
