@@ -161,7 +161,7 @@ PIECES = (
           ("python3 -B {source}/tests/faculty/haproxy_test.py {bin} --long --seed 21",),
           (Number("samples compared", r"(\d+) samples compared"), Number("s until all are back after a kill", r"killed: .* sees all within (\d+\.\d) s"),
            Number("s after a server stood still", r"still: .* sees all within (\d+\.\d) s")), (*DURABILITY, "needlelab-instructor")),
-    Piece("passivity", 7, "24,000 random gestures get no energy from the wall",
+    Piece("passivity", 7, "44,000 random gestures get no energy from the wall",
           ("{bin}/stability_test --gtest_filter=" + PASSIVITY,),
           (TESTS, Number("the wall's worst, in mJ", r"^the enhanced tracking wall: worst (\S+) mJ"))),
     Piece("hard-cases", 3, "the hard cases with ten times the hands",
