@@ -222,6 +222,7 @@ TEST(Hub, framesAreNotDecodedForFullRateViewers) {
   ASSERT_FALSE(hub.subscribe(anna, toStation(1, "bench-1"), 0));
   ASSERT_FALSE(hub.onLiveFrame("bench-1", longFrame(0), 0));
   EXPECT_EQ(anna.frames.size(), 1u);
+  EXPECT_EQ(hub.framesIn(), 1u);
   EXPECT_EQ(hub.framesDecoded(), 0u);
   EXPECT_EQ(hub.framesReduced(), 0u);
 }
