@@ -56,6 +56,26 @@ TEST(SpoolDamage, anEndedSessionThatLostAChunkKeepsTheOthers) {
   }
 }
 
+// The server has two of the three chunks, among them the one that the disk lost.
+TEST(SpoolDamage, numbersThatCouldNotBeWrittenAreFixedByTheNextTry) {
+  const TempFolder folder;
+  const fs::path session = sessionOfThreeChunks(folder.path(), true);
+  damageChunks(session, {1}, 3);
+  {
+    const auto spool = opened(folder.path());
+    const auto found = spool->unfinished().at(0);
+    fs::rename(session / "end.json", session / "end.kept");
+    fs::create_directory(session / "end.json");
+    EXPECT_FALSE(found->settle(2).ok());
+    EXPECT_EQ(found->contents().chunks, 2u);
+    fs::remove(session / "end.json");
+    fs::rename(session / "end.kept", session / "end.json");
+    EXPECT_TRUE(found->settle(2).ok());
+    EXPECT_EQ(found->contents().chunks, 3u);
+  }
+  EXPECT_EQ(opened(folder.path())->unfinished().at(0)->contents().chunks, 3u) << "also after the next start";
+}
+
 TEST(SpoolDamage, aLostLastChunkIsCountedByTheEnd) {
   const TempFolder folder;
   const fs::path session = sessionOfThreeChunks(folder.path(), true);
