@@ -20,6 +20,7 @@
 #include <limits>
 
 #include "common/haptics/axial_entry.h"
+#include "common/haptics/effects/clamping.h"
 #include "common/haptics/effects/effect_entry.h"
 #include "common/haptics/effects/puncture.h"
 #include "common/haptics/touch/proxy_contact.h"
@@ -208,6 +209,23 @@ inline double limitTissue(const SceneModel& model, const TipSample& felt, SimSta
   return along_N;
 }
 
+// What clamping pushes out along u and what bone does are not a sum: of their parts along the bone's force
+// the greater counts. While the needle stands on bone, the former would work though nothing of it is
+// stretched; returns the change of the force.
+inline Vec3 limitClamping(const SceneModel& model, const TipSample& felt, SimState& state,
+                          const StepReport& report, Vec3 bone_W_N) {
+  const double bone_N = report.stage_N[kBoneOwn], e_m = report.lateral_error_m;
+  if (!model.isLive(Effect::kClamping) || !(report.insertion_m > 0.0) || !(bone_N > 0.0)) return {};
+  const LateralStiffness of = lateralStiffness(state.along, report.insertion_m);
+  if (!(of.k_N_per_m * e_m > 0.0)) return {};
+  const double stretch_m = std::min(e_m, model.fixture.max_force_N / of.k_N_per_m);
+  const double x_m = dot(state.u_W, felt.p_WT_m - state.p_entry_W_m);
+  const double out_N =
+      model.fixture_push * of.slope_N_per_m2 * stretch_m * stretch_m * x_m / report.insertion_m;
+  const Vec3 normal = bone_W_N * (1.0 / bone_N);
+  return normal * -std::clamp(-dot(state.u_W, normal) * out_N, 0.0, bone_N);
+}
+
 template <class Surface>
 Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, StepReport& report) noexcept {
   assert(state.inside);
@@ -222,7 +240,7 @@ Vec3 pressBone(const SceneModel& model, const TipSample& felt, SimState& state, 
   const double tissue_N = limitTissue(model, felt, state, report);
   const Vec3 force_W_N = bone.stretch_W_m * model.stage_numbers[kBoneOwn][kBoneStiffness_N_per_m];
   report.stage_N[kBoneOwn] = norm(force_W_N);
-  return force_W_N + state.u_W * tissue_N;
+  return force_W_N + state.u_W * tissue_N + limitClamping(model, felt, state, report, force_W_N);
 }
 
 }  // namespace needlelab::bone_contact

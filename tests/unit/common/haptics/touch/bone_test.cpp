@@ -327,6 +327,38 @@ TEST(Bone, letsGoWithoutAStep) {
 }
 
 // where the bone reaches the skin the spring is shortened, and the proxy falls over the edge
+// A needle that is held aside by e is pushed out by clamping with f = ½ k′ e² x/d_t. On bone the greater of
+// both counts, so that a way in that is straight and out that is aside gives at most f²/2K instead of f times
+// the depth of the press.
+TEST(Bone, andWhatClampingPushesOutAreNotASum) {
+  SceneSpec scene = onBone(bitOf(Effect::kClamping), 0.0);
+  for (LayerSpec& layer : scene.layers) layer.lateral_stiffness_N_per_m2 = 1e4;
+  scene.virtual_fixture = {400, 4, ClampingMode::kConservative};
+  const double aside_m = 0.006, push_N = 0.5e4 * aside_m * aside_m * kTop_m / std::hypot(kTop_m, aside_m);
+  const Site site = defaultSite();
+  Motion motion;
+  double depth_m = -0.001, at_m = 0;
+  const auto go = [&](int ticks, double to_depth_m, double to_m) {
+    for (int i = 1; i <= ticks; ++i) {
+      const double share = static_cast<double>(i) / ticks;
+      motion.push_back({site.p_surface_m + site.inward * (depth_m + (to_depth_m - depth_m) * share) +
+                            site.across_1 * (at_m + (to_m - at_m) * share),
+                        pointing(site.inward)});
+    }
+    depth_m = to_depth_m, at_m = to_m;
+    return motion.size() - 1;
+  };
+  go(1, -0.001, 0);
+  go(500, 0.020, 0);
+  const auto deep = go(300, 0.020, aside_m), shallow = go(500, kTop_m + 5e-5, aside_m);
+  go(500, -0.001, aside_m);
+  EngineRun run(scene, 1000);
+  const auto reports = run.run(motion);
+  EXPECT_NEAR(reports[deep].wrench_W.force_N.z, kBone_N_per_m * 0.010, 1e-9);
+  EXPECT_NEAR(reports[shallow].wrench_W.force_N.z, push_N, 1e-9) << "the bone's 0.05 N are not on top";
+  EXPECT_LE(energyToHand(motion, reports), push_N * push_N / (2 * kBone_N_per_m) + 1e-6);
+}
+
 TEST(Bone, givesNothingAtItsEdge) {
   const Site site = defaultSite();
   GestureRange range;
