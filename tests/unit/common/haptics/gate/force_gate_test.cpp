@@ -189,9 +189,9 @@ TEST(ForceGate, theContinuousLimitCanBeHeldForGood) {
 // magnitude.
 TEST(ForceGate, theHeatOfEveryTenSecondsStaysWithinTheBudget) {
   for (const double peak : {10.0, 100.0}) {
-    constexpr double kContinuous = 3, kRate_hz = 500;
-    constexpr std::size_t kWindow = 5000;
-    ThermalBudget budget(peak, kContinuous, 1 / kRate_hz);
+    constexpr double kHeldForGood = 3, kBudgetRate_hz = 500;
+    constexpr std::size_t kTenSeconds = 5000;
+    ThermalBudget budget(peak, kHeldForGood, 1 / kBudgetRate_hz);
     Random random(9);
     std::vector<double> heat;
     double sum = 0, worst = 0;
@@ -200,13 +200,13 @@ TEST(ForceGate, theHeatOfEveryTenSecondsStaysWithinTheBudget) {
       for (std::uint64_t left = 25 + random.below(random.chance(0.5) ? 200 : 4900); left > 0; --left) {
         const double given = std::min(wanted, budget.allowed(wanted));
         budget.spend(given);
-        heat.push_back(given * given / kRate_hz);
-        sum += heat.back() - (heat.size() > kWindow ? heat[heat.size() - 1 - kWindow] : 0);
+        heat.push_back(given * given / kBudgetRate_hz);
+        sum += heat.back() - (heat.size() > kTenSeconds ? heat[heat.size() - 1 - kTenSeconds] : 0);
         worst = std::max(worst, sum);
       }
     }
-    EXPECT_LE(worst, kContinuous * kContinuous * 10 * (1 + 1e-9)) << peak;
-    EXPECT_GT(worst, kContinuous * kContinuous * 10 * 0.8) << peak;
+    EXPECT_LE(worst, kHeldForGood * kHeldForGood * 10 * (1 + 1e-9)) << peak;
+    EXPECT_GT(worst, kHeldForGood * kHeldForGood * 10 * 0.8) << peak;
   }
 }
 
