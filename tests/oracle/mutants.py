@@ -22,7 +22,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 SUBJECTS = {
     "engine": (["common/haptics/tick.cpp", "common/haptics/effects/*.cpp", "common/haptics/models/*.cpp"], ["determinism_test", "fem_test", "haptics_test", "body_test"]),
     "gate": (["common/haptics/gate/force_gate.cpp", "common/haptics/gate/passivity_control.cpp"], ["haptics_test", "stability_test"]),
-    "writer": (["db/sessions/db_writer.cpp", "db/sessions/session_appends.cpp", "db/sessions/session_store.cpp"], ["db_test", "server_net_test"]),
+    "writer": (["db/sessions/db_writer.cpp", "db/sessions/session_appends.cpp", "db/sessions/session_store.cpp"], ["db_test", "server_net_test", "service_test"]),
     "spool": (["client/net/spool/spool*.cpp"], ["net_test", "spool_order_test"]),
     "hub": (["server/live/hub/hub*.cpp"], ["server_test", "server_net_test"]),
     "permissions": (["db/service/requests/requests.cpp", "db/service/**/*_handlers.cpp", "server/live/port/rules.cpp"], ["server_test", "service_test", "service_records_test"]),
