@@ -25,16 +25,23 @@ await page.getByLabel('Password').fill(read('maria.password'));
 await page.getByRole('button', { name: 'Log in' }).click();
 await page.getByRole('button', { name: 'Log out' }).waitFor();
 
-/** @param {string} name of the file @param {string} hash of the page @param {import('playwright-core').Locator} shown when it is whole */
-async function draw(name, hash, shown) {
+/** @param {string} name of the file @param {string} hash of the page @param {import('playwright-core').Locator} shown when it is whole
+ * @param {import('playwright-core').Locator} [pressed] before */
+async function draw(name, hash, shown, pressed) {
   await page.goto(base + hash);
+  await pressed?.click();
   await shown.first().waitFor();
   await page.waitForFunction(() => !document.querySelector('.loading'));
   await page.screenshot({ path: join(here, name) });
 }
 const of = (address) => page.evaluate(async (at) => (await fetch(`/api/v1/${at}`)).json(), address);
 const { items } = await of('sessions?trainee=liam&exercise=lumbar-median&verdict=passed');
-await draw('profile.png', '#/profiles/lumbar-median', page.getByText(/^Force against the needle over/));
+await draw(
+  'profile.png',
+  '#/profiles/lumbar-median',
+  page.getByText(/^Force against the needle over/),
+  page.getByRole('button', { name: 'Try it' }),
+);
 await draw(
   'session.png',
   `#/sessions/${items[0].description.session_id}`,
