@@ -9,6 +9,7 @@
 
 #include "client/admin/backend.h"
 #include "client/admin/output.h"
+#include "common/base/bytes.h"
 #include "common/base/result.h"
 #include "common/base/text/uuid.h"
 #include "common/export/export_formats.h"
