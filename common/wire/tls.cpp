@@ -153,7 +153,8 @@ Result<TlsContext> makeClientTls(const std::filesystem::path& ca) {
   X509_STORE* const store = SSL_CTX_get_cert_store((*context)->native_handle());
   ASSIGN_OR_RETURN(const auto certificates, x509::loadCertificates(ca));
   for (const auto& certificate : certificates)
-    if (X509_STORE_add_cert(store, certificate.get()) != 1) return x509::opensslError("using the CA's certificate");
+    if (X509_STORE_add_cert(store, certificate.get()) != 1)
+      return x509::opensslError("using the CA's certificate");
   // OpenSSL parses a certificate's extensions on first use: force it now, before threads share the
   // certificate
   const STACK_OF(X509_OBJECT)* const known = X509_STORE_get0_objects(store);
