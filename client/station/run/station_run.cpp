@@ -21,6 +21,7 @@
 #include "client/station/run/checks/measure_delay.h"
 #include "client/station/run/io/terminal.h"
 #include "client/station/run/lesson/curriculum.h"
+#include "client/station/run/lesson/demonstration.h"
 #include "client/station/run/lesson/hand_buttons.h"
 #include "client/station/run/lesson/lesson.h"
 #include "client/station/run/lesson/local_score.h"

@@ -4,6 +4,7 @@
 
 #include <fmt/core.h>
 
+#include "client/view/model/scene_view.h"
 #include "common/base/text/text.h"
 
 namespace needlelab {
