@@ -144,7 +144,7 @@ PIECES = (
           (*LAB, "needlelab-instructor", "needlelab-sim"), (*LIBRARIES, "needlelab-python")),
     Piece("library-abi", 1, "the libraries have the interface that was committed",
           ("{source}/tests/library/abi {build}",), (Number("functions", r"^lib\S+: (\d+) functions", "sum"),), targets=LIBRARIES),
-    Piece("fit", 22, "the law behind measured curves is named, whichever of its numbers differs between specimens",
+    Piece("fit", 22, "the law behind measured curves is named, where any one of its numbers differs between specimens",
           ("env NEEDLELAB_LONG=1 /usr/bin/python3 -B {source}/tests/library/fit_test.py --build {build}",),
           (Number("sets", r"^(\d+) sets, "), Number("answered wrongly", r" sets, (\d+) answered wrongly")), targets=(*LIBRARIES, "needlelab-python")),
     Piece("faculty", 3, "PostgreSQL as FACULTY.md says, on one machine and on three",

@@ -18,7 +18,7 @@ TEST(RandomEnergy, theWallGivesTheHandNothing) {
   std::printf("the enhanced tracking wall: worst %.4f mJ, step %.4f N\n", 1e3 * *row.energy_J,
               *row.max_unexplained_step_N);
   EXPECT_TRUE(row.passed) << rowText(row);
-  EXPECT_LE(*row.energy_J, longForm() ? 5e-4 : 5e-5);
+  EXPECT_LE(*row.energy_J, 5e-5);
   EXPECT_LE(*row.max_unexplained_step_N, 0.05);
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "common/haptics/gate/force_gate.h"
@@ -126,15 +127,15 @@ TEST(ForceGateCondition, theEmergencyStopNamesTheFaultAndLaterOnesDoNot) {
 TEST(ForceGateCondition, anAcknowledgementBeforeTheFirstTickWithoutTheCauseDoesNotCount) {
   // without a tick between, found by a simulated run: the cause ended while the device was read, after the
   // acknowledgement
-  for (const int ticks : {1, 50, 51}) {
+  for (const auto& [ticks, lasts] : {std::pair{1, false}, {50, false}, {50, true}}) {
     for (const auto& [flag, fault] : kOwnFaults) {
       Bench b;
       b.running();
       b.outside = true;
       b.condition = flag;
-      b.run(std::min(ticks, 50));
+      b.run(ticks);
       b.gate.acknowledge();
-      if (ticks > 50) {
+      if (lasts) {
         b.tick();
         EXPECT_TRUE(b.gate.causeLasts());
       }

@@ -185,8 +185,7 @@ TEST(ForceGate, theContinuousLimitCanBeHeldForGood) {
   }
 }
 
-// Whatever is wanted: the heat of every 10 s, summed tick by tick, stays within that of the continuous
-// magnitude.
+// The heat of every 10 s, summed tick by tick, stays within that of the continuous magnitude.
 TEST(ForceGate, theHeatOfEveryTenSecondsStaysWithinTheBudget) {
   for (const double peak : {10.0, 100.0}) {
     constexpr double kHeldForGood = 3, kBudgetRate_hz = 500;
